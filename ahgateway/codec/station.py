@@ -1,0 +1,100 @@
+"""A station and its loops as the rest of the house sees them: immutable, checked, with no trace of the file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from ahgateway.codec.devices import Device, DeviceMap
+from ahgateway.core.controllers import Controller
+from ahgateway.core.dialect import DEFAULT, Dialect
+
+
+@dataclass(frozen=True, slots=True)
+class Const:
+    """An operand that is a literal in the PLC program and stands nowhere in its memory."""
+
+    value: float | int | bool
+
+
+Binding = Device | Const
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """Differences that are reported apart instead of convicted; all 0 means bits alone count.
+
+    Attributes:
+        ulp_max: Largest distance in units of the last place.
+        mv_max: Largest difference of I and MV in the loop's output unit.
+    """
+
+    ulp_max: int = 0
+    mv_max: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Pacing:
+    """How politely this station wants to be spoken to."""
+
+    reply_timeout_ms: int = 1000
+    words_per_request_max: int = 100
+    requests_in_flight_max: int = 1
+    pause_after_connect_ms: int = 0
+    pause_between_requests_ms: int = 0
+    poll_ms: int = 0
+    gap_words_max: int = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """One PID instruction in the PLC program.
+
+    Attributes:
+        name: The loop's tag, `TIC-101`.
+        controller: The instruction's law.
+        bindings: Operand name in the manual's spelling to where it stands; every operand of the instruction is there.
+        en: Device of the instruction's EN contact, None when it is always on or not known.
+        dialect: How this PLC discretises.
+        tolerance: What is not convicted.
+        scan_ms_max: Longest scan to expect, which bounds how early an execution can follow another.
+        pv_unit: Engineering unit of SV and PV.
+        mv_unit: Engineering unit of MV.
+        shared: Operands whose device another loop uses too; they are never written.
+    """
+
+    name: str
+    controller: Controller
+    bindings: Mapping[str, Binding]
+    en: Device | None = None
+    dialect: Dialect = DEFAULT
+    tolerance: Tolerance = Tolerance()
+    scan_ms_max: int = 10
+    pv_unit: str = ""
+    mv_unit: str = "%"
+    shared: frozenset[str] = frozenset()
+
+
+@dataclass(frozen=True, slots=True)
+class Station:
+    """One PLC and the loops in it.
+
+    Attributes:
+        name: What people call it.
+        target: URI of the link.
+        unit: Modbus station number.
+        devices: Its device map.
+        running: Device that is on while the PLC is in RUN, None when it is not known.
+        bench: True only when nothing but our own simulation hangs on this PLC.
+        pacing: Limits of the line.
+        loops: In the profile's order.
+    """
+
+    name: str
+    target: str
+    unit: int
+    devices: DeviceMap
+    loops: tuple[Loop, ...]
+    running: Device | None = None
+    bench: bool = False
+    pacing: Pacing = field(default_factory=Pacing)
