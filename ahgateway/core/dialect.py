@@ -1,6 +1,6 @@
-"""The axes on which the manual is silent, each value named. A dialect is a value, kept in the profile.
+"""The axes on which the manual is silent, each value named; a dialect is a value, kept in the profile.
 
-Enums are integers, so that a dialect passes unchanged into the compiled core. `DEFAULT` is the choice of spec A.8 and B.5.
+Enums are integers, so that a dialect passes unchanged into the compiled core. `DEFAULT` follows spec A.8 and B.5.
 """
 
 from __future__ import annotations

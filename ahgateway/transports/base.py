@@ -32,7 +32,7 @@ class Reply:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One frame as it crossed the wire, for the tap: `direction` is `>` out or `<` in, times monotonic and UTC in ns."""
+    """One frame as it crossed the wire: `direction` is `>` out or `<` in; times monotonic and UTC, in ns."""
 
     direction: str
     data: bytes
@@ -81,3 +81,16 @@ class Link(Protocol):
 
     async def close(self) -> None:
         """Release the line; every request still waiting fails with LinkError. May be called twice."""
+
+
+class Device(Protocol):
+    """The PLC's side of a link, as a server or a memory link needs it."""
+
+    def answer(self, request: Request) -> tuple[int, ...] | None:
+        """Carry out one request on the memory image and return the values read (empty for a write).
+
+        None means silence: no such station on this line.
+
+        Raises:
+            PlcRefusedError: With the Modbus exception code that the PLC would send.
+        """

@@ -67,7 +67,9 @@ PID_DIR = operand("PID_DIR", Kind.BOOL, True, "TRUE: E = SV - PV; FALSE: E = PV 
 MV_MAX = operand("MV_MAX", Kind.REAL, 100.0, "upper limit of MV; exchanged with MV_MIN when below it", unit="MV")
 MV_MIN = operand("MV_MIN", Kind.REAL, 0.0, "lower limit of MV", unit="MV")
 MOUT = operand("MOUT", Kind.REAL, 0.0, "manual value, limited like MV", unit="MV", access=Access.IN_OUT)
-MV = operand("MV", Kind.REAL, 0.0, "output, within the limits except the 0 of PID_RUN = FALSE", unit="MV", access=Access.OUT)
+MV = operand(
+    "MV", Kind.REAL, 0.0, "output, within the limits except the 0 of PID_RUN = FALSE", unit="MV", access=Access.OUT
+)
 
 
 def pid_mode(maximum: int, text: str) -> Operand:
@@ -78,6 +80,11 @@ def pid_mode(maximum: int, text: str) -> Operand:
 def i_mv(words: int) -> Operand:
     """The instruction's memory; its first REAL is the integral."""
     return operand(
-        "I_MV", Kind.BLOCK, None, "the instruction's memory; the first REAL is the integral, which the user may change",
-        unit="MV", access=Access.STATE, words=words,
+        "I_MV",
+        Kind.BLOCK,
+        None,
+        "the instruction's memory; the first REAL is the integral, which the user may change",
+        unit="MV",
+        access=Access.STATE,
+        words=words,
     )

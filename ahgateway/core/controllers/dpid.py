@@ -9,7 +9,7 @@ which the integral stands still while the sum is beyond a limit. History is trac
 kicks no D.
 
 Source:
-    MANUAL AH500 programming manual, API 0707: operands, clamping, PID_RUN, modes, freeze, continuous law (spec A.1-A.5).
+    MANUAL AH500 programming manual, API 0707: operands, clamping, PID_RUN, modes, freeze, law (spec A.1-A.5).
     ASSUMED discretisation, order of operations, inclusive edge of the dead band, D on E (spec A.3, A.8).
 """
 

@@ -39,8 +39,12 @@ OPERANDS: tuple[Operand, ...] = (
     delta.operand("CYCLE", Kind.DINT, 1000, "sampling time", unit="ms", minimum=1, maximum=CYCLE_MAX),
     delta.operand("Kc_Kp", Kind.REAL, 1.0, "Kc (dependent) or Kp (independent)", unit="MV/PV", minimum=0),
     delta.operand(
-        "Ti_Ki", Kind.REAL, 1.0, "Ti in s (dependent) or Ki in 1/s (independent), 0 switches I off",
-        unit="s or 1/s", minimum=0,
+        "Ti_Ki",
+        Kind.REAL,
+        1.0,
+        "Ti in s (dependent) or Ki in 1/s (independent), 0 switches I off",
+        unit="s or 1/s",
+        minimum=0,
     ),
     delta.operand("Td_Kd", Kind.REAL, 0.1, "Td (dependent) or Kd (independent), 0 switches D off", unit="s", minimum=0),
     delta.operand("Tf", Kind.REAL, 0.0, "time constant of the derivative filter, 0 is no filter", unit="s", minimum=0),
@@ -276,7 +280,8 @@ def recall(operands: Operands, seen: State) -> tuple[tuple[State, State], ...]:
     for cross in statuses:
         e = ZERO if cross else er
         low, high = (
-            State(seen.i, seen.pv1, seen.mv, e, d, er, cross, operands.pid_man, operands.pid_run) for d in (-bound, bound)
+            State(seen.i, seen.pv1, seen.mv, e, d, er, cross, operands.pid_man, operands.pid_run)
+            for d in (-bound, bound)
         )
         pairs.append((low, high))
     return tuple(pairs)
