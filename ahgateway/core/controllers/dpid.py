@@ -108,12 +108,16 @@ def nominal_ts(operands: Operands) -> REAL:
     return REAL(clamped_cycle(operands.cycle, CYCLE_MAX)) / HUNDRED
 
 
-def error(operands: Operands, pv: REAL) -> REAL:
-    """E by PID_DIR for this PV; inside the dead band, edges included, it counts as 0."""
-    e = operands.sv - pv if operands.pid_dir else pv - operands.sv
-    if operands.err_dbw != ZERO and abs(e) <= abs(operands.err_dbw):
+def raw_error(operands: Operands, pv: REAL) -> REAL:
+    """E by PID_DIR for this PV, before the dead band."""
+    return operands.sv - pv if operands.pid_dir else pv - operands.sv
+
+
+def error(operands: Operands, er: REAL) -> REAL:
+    """E that counts for this raw error: 0 inside the dead band, edges included."""
+    if operands.err_dbw != ZERO and abs(er) <= abs(operands.err_dbw):
         return ZERO
-    return e
+    return er
 
 
 def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[State, Terms]:
@@ -135,9 +139,10 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
     if operands.pid_mode == 1:
         return state, _held(operands, state, flag.AUTOTUNE)
 
-    e = error(operands, operands.pv)
+    er = raw_error(operands, operands.pv)
     manual = operands.pid_man
-    if not finite(e) or not finite(operands.sv) or not finite(operands.pv) or (manual and not finite(operands.mout)):
+    # A raw error is a number only if SV and PV are.
+    if not finite(er) or (manual and not finite(operands.mout)):
         return state, _held(operands, state, flag.BAD_INPUT)
 
     flags = 0
@@ -149,9 +154,11 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
         mv_max, mv_min = mv_min, mv_max
         flags |= flag.LIMITS_SWAPPED
 
+    e = error(operands, er)
     e1 = state.e1 if state.valid else e
     p = kp * e
-    d = (kd * (e - e1)) / ts
+    # Off is 0, whatever E does: 0 times a difference that overflows would be no number.
+    d = (kd * (e - e1)) / ts if kd > ZERO else ZERO
 
     i = state.i
     mout = operands.mout
@@ -162,6 +169,8 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
     elif state.man1 and operands.pid_mode != 2 and ki > ZERO:
         flags |= flag.BUMPLESS
         i = (state.mv - p) - d
+        if not finite(i):
+            return state, _held(operands, state, flags | flag.BAD_INPUT)
         raw = state.mv
         mv = limit(mv_min, state.mv, mv_max)
     else:
@@ -173,18 +182,20 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
         if raw > mv_max:
             mv = mv_max
             flags |= flag.FREEZE_HI
-            if increment < ZERO:
-                flags |= flag.LOCKUP
+            inward = bool(increment < ZERO)
         elif raw < mv_min:
             mv = mv_min
             flags |= flag.FREEZE_LO
-            if increment > ZERO:
-                flags |= flag.LOCKUP
+            inward = bool(increment > ZERO)
         else:
             mv = raw
             i = candidate
-        if dialect.freeze == Freeze.OUTWARD and flags & flag.LOCKUP:
-            i = candidate
+            inward = False
+        if inward:
+            if dialect.freeze == Freeze.OUTWARD:
+                i = candidate
+            else:
+                flags |= flag.LOCKUP
         if ki <= ZERO:
             i = ZERO
     if operands.mout_auto and not manual:
@@ -205,7 +216,10 @@ def recall(operands: Operands, seen: State) -> tuple[tuple[State, State], ...]:
         seen: `i`, `pv1` and `mv` as read from the PLC; the rest is ignored.
 
     Returns:
-        Pairs of a lowest and a highest state that bound each possibility; here one, and both ends are equal.
+        Pairs of a lowest and a highest state that bound each possibility, here always equal: one pair, or two while
+        PID_RUN is FALSE, which leaves it open what the last execution in RUN was.
     """
-    state = State(seen.i, seen.pv1, seen.mv, error(operands, seen.pv1), operands.pid_man, operands.pid_run)
-    return ((state, state),)
+    e1 = error(operands, raw_error(operands, seen.pv1))
+    manuals = (operands.pid_man,) if operands.pid_run else (False, True)
+    states = [State(seen.i, seen.pv1, seen.mv, e1, man1, operands.pid_run) for man1 in manuals]
+    return tuple((state, state) for state in states)

@@ -173,13 +173,8 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
 
     er = raw_error(operands, operands.pv)
     manual = operands.pid_man
-    if (
-        not finite(er)
-        or not finite(operands.sv)
-        or not finite(operands.pv)
-        or not finite(operands.bias)
-        or (manual and not finite(operands.mout))
-    ):
+    # A raw error is a number only if SV and PV are.
+    if not finite(er) or not finite(operands.bias) or (manual and not finite(operands.mout)):
         return state, _held(operands, state, flag.BAD_INPUT)
 
     flags = 0
@@ -215,6 +210,8 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
     elif state.man1 and integrating:
         flags |= flag.BUMPLESS
         i = ((state.mv - p) - d) - bias
+        if not finite(i):
+            return state, _held(operands, state, flags | flag.BAD_INPUT)
         raw = state.mv
         mv = limit(mv_min, state.mv, mv_max)
     else:
@@ -229,23 +226,26 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
         if raw > mv_max:
             mv = mv_max
             flags |= flag.FREEZE_HI
-            if increment < ZERO:
-                flags |= flag.LOCKUP
+            inward = bool(increment < ZERO)
         elif raw < mv_min:
             mv = mv_min
             flags |= flag.FREEZE_LO
-            if increment > ZERO:
-                flags |= flag.LOCKUP
+            inward = bool(increment > ZERO)
         else:
             mv = raw
             i = candidate
-        if dialect.freeze == Freeze.OUTWARD and flags & flag.LOCKUP:
-            i = candidate
+            inward = False
+        if inward:
+            if dialect.freeze == Freeze.OUTWARD:
+                i = candidate
+            else:
+                flags |= flag.LOCKUP
         if not integrating:
             i = ZERO
     if operands.mout_auto and not manual:
         mout = mv
-    after = State(i, operands.pv, mv, e, d, er, cross, manual, True)
+    # An overflow must not stay in the filter for good: it starts again from 0.
+    after = State(i, operands.pv, mv, e, d if finite(d) else ZERO, er, cross, manual, True)
     return after, Terms(e, p, i, d, bias, raw, mv, mout, cross, flags)
 
 
@@ -270,18 +270,18 @@ def recall(operands: Operands, seen: State) -> tuple[tuple[State, State], ...]:
         seen: `i`, `pv1` and `mv` as read from the PLC; the rest is ignored.
 
     Returns:
-        Pairs of a lowest and a highest state that bound each possibility: one pair, or two when the cross status
-        cannot be told. Only `d` differs within a pair; a larger `d` never gives a smaller MV.
+        Pairs of a lowest and a highest state that bound each possibility: one pair, more when the cross status
+        cannot be told or PID_RUN is FALSE. Only `d` differs within a pair; a larger `d` never gives a smaller MV.
     """
     er = raw_error(operands, seen.pv1)
     bound = D_BOUND if gain(operands.td_kd) > ZERO and operands.pid_run else ZERO
     statuses = (False, True) if inside_band(operands, er) and er != ZERO else (inside_band(operands, er),)
+    manuals = (operands.pid_man,) if operands.pid_run else (False, True)
     pairs = []
     for cross in statuses:
-        e = ZERO if cross else er
-        low, high = (
-            State(seen.i, seen.pv1, seen.mv, e, d, er, cross, operands.pid_man, operands.pid_run)
-            for d in (-bound, bound)
-        )
-        pairs.append((low, high))
+        for man1 in manuals:
+            e1 = ZERO if cross else er
+            low = State(seen.i, seen.pv1, seen.mv, e1, -bound, er, cross, man1, operands.pid_run)
+            high = State(seen.i, seen.pv1, seen.mv, e1, bound, er, cross, man1, operands.pid_run)
+            pairs.append((low, high))
     return tuple(pairs)
