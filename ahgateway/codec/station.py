@@ -61,6 +61,8 @@ class Loop:
         pv_unit: Engineering unit of SV and PV.
         mv_unit: Engineering unit of MV.
         shared: Operands whose device another loop uses too; they are never written.
+        pv_range: Lowest and highest value of SV and PV in `pv_unit`, None when nobody said.
+        mv_range: Lowest and highest value of MV in `mv_unit`, None when nobody said.
     """
 
     name: str
@@ -73,6 +75,8 @@ class Loop:
     pv_unit: str = ""
     mv_unit: str = "%"
     shared: frozenset[str] = frozenset()
+    pv_range: tuple[float, float] | None = None
+    mv_range: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,3 +102,34 @@ class Station:
     running: Device | None = None
     bench: bool = False
     pacing: Pacing = field(default_factory=Pacing)
+
+
+@dataclass(frozen=True, slots=True)
+class PlantSpec:
+    """The process that the fake PLC hangs on a loop: PV follows MV.
+
+    Attributes:
+        kind: `fopdt` first order with dead time, or `integrating` with dead time.
+        gain: PV per MV; PV per MV and second when integrating.
+        tau_s: Time constant in s; not used when integrating.
+        dead_time_s: Dead time in s.
+        bias: PV at MV = 0; drift of PV per second when integrating.
+        noise: Standard deviation of the noise on PV.
+        initial: PV at the start.
+    """
+
+    kind: str
+    gain: float
+    tau_s: float = 0.0
+    dead_time_s: float = 0.0
+    bias: float = 0.0
+    noise: float = 0.0
+    initial: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class FakeLoop:
+    """What the fake PLC starts a loop with: operand values that differ from the defaults, and its process or none."""
+
+    initial: Mapping[str, float | int | bool] = field(default_factory=dict)
+    plant: PlantSpec | None = None

@@ -1,0 +1,147 @@
+"""The operand block of one loop: from its devices to spans, from a memory picture to raw words, to typed values.
+
+Three faces of a value: words as read, `Raw` words per operand, typed inputs. Nothing here knows a controller by name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import Any
+
+from ahgateway.codec.access import Read, Span, Table
+from ahgateway.codec.devices import Address, DeviceMap
+from ahgateway.codec.station import Const, Loop
+from ahgateway.codec.words import decode, encode, words_real
+from ahgateway.core.controllers import Controller
+from ahgateway.core.operands import Kind, Operand
+from ahgateway.core.real import REAL
+from ahgateway.errors import CodecError
+
+Raw = Mapping[str, tuple[int, ...]]
+"""Operand name to its words, low word first; a BOOL is one number, 0 or 1; `EN` too when the loop binds it."""
+
+EN = "EN"
+
+
+class Image:
+    """A picture of the PLC's memory, put together from replies; what is put later counts."""
+
+    def __init__(self) -> None:
+        self._cells: dict[Table, dict[int, int]] = {table: {} for table in Table}
+
+    def put(self, read: Read, values: tuple[int, ...]) -> None:
+        """Take in the reply to `read`: `read.count` bits or words.
+
+        Raises:
+            CodecError: The number of values is not what was asked for.
+        """
+        if len(values) != read.count:
+            raise CodecError(
+                f"{read.table.value} {read.address:#06x}: {len(values)} values came, {read.count} were asked for"
+            )
+        self._cells[read.table].update(zip(range(read.address, read.address + read.count), values, strict=True))
+
+    def words(self, span: Span) -> tuple[int, ...]:
+        """Return the `span.count` bits or words of a span; CodecError where nothing was read."""
+        cells = self._cells[span.table]
+        try:
+            return tuple([cells[address] for address in range(span.address, span.end)])
+        except KeyError as error:
+            raise CodecError(f"{span.table.value} {error.args[0]:#06x} was not read") from None
+
+    def bit(self, address: Address) -> bool:
+        """Return the bit at an address, of a bit table or inside a word; CodecError where nothing was read."""
+        value = self.words(Span(address.table, address.address, 1))[0]
+        return bool(value >> address.bit & 1) if address.bit is not None else value != 0
+
+
+def address(loop: Loop, devices: DeviceMap, operand: str) -> Address:
+    """Return where the first word, or the bit, of an operand (or of `EN`) stands.
+
+    Raises:
+        CodecError: No such operand, it is a constant of the program, or its device is not in the map.
+    """
+    if operand == EN:
+        if loop.en is None:
+            raise CodecError(f"loop {loop.name}: EN is bound to no device")
+        return devices.address(loop.en, bits=True)
+    row = _row(loop, operand)
+    binding = loop.bindings[operand]
+    if isinstance(binding, Const):
+        raise CodecError(f"loop {loop.name}: {operand} is the constant {binding.value} in the program")
+    return devices.address(binding, bits=row.kind is Kind.BOOL)
+
+
+def spans(loop: Loop, devices: DeviceMap) -> dict[str, Span]:
+    """Return what must be read: operand name to its span, `EN` last when it is bound; constants have none."""
+    found = {
+        row.name: _span(address(loop, devices, row.name), row)
+        for row in loop.controller.operands
+        if not isinstance(loop.bindings[row.name], Const)
+    }
+    if loop.en is not None:
+        place = address(loop, devices, EN)
+        found[EN] = Span(place.table, place.address, 1)
+    return found
+
+
+def raw(loop: Loop, devices: DeviceMap, image: Image) -> dict[str, tuple[int, ...]]:
+    """Return the raw words of every operand, constants encoded, and of `EN` when it is bound.
+
+    Raises:
+        CodecError: The image lacks a word.
+    """
+    found: dict[str, tuple[int, ...]] = {}
+    for row in loop.controller.operands:
+        binding = loop.bindings[row.name]
+        if isinstance(binding, Const):
+            found[row.name] = encode(row.kind, binding.value)
+        elif row.kind is Kind.BOOL:
+            found[row.name] = (int(image.bit(devices.address(binding, bits=True))),)
+        else:
+            found[row.name] = image.words(_span(devices.address(binding), row))
+    if loop.en is not None:
+        found[EN] = (int(image.bit(devices.address(loop.en, bits=True))),)
+    return found
+
+
+def inputs(loop: Loop, raw: Raw) -> Any:
+    """Return what a step of the loop's controller reads, typed, REALs with their bits kept."""
+    controller = loop.controller
+    rows = {row.attr: row for row in controller.operands}
+    return controller.inputs(*[decode(rows[attr].kind, raw[rows[attr].name]) for attr in controller.input_names])
+
+
+def seen(loop: Loop, raw: Raw) -> dict[str, REAL]:
+    """Return what the instruction left in memory, keyed by `Seen.name`; an operand bound to a constant is not there."""
+    found: dict[str, REAL] = {}
+    for each in loop.controller.seen:
+        if not isinstance(loop.bindings[each.operand], Const):
+            words = raw[each.operand]
+            found[each.name] = words_real(words[2 * each.dword], words[2 * each.dword + 1])
+    return found
+
+
+def defaults(controller: Controller) -> dict[str, tuple[int, ...]]:
+    """Return the raw words of a block nobody has written yet: each operand's default, the instruction's memory 0."""
+    return {
+        row.name: encode(row.kind, row.default) if row.default is not None else (0,) * max(1, row.words)
+        for row in controller.operands
+    }
+
+
+def _span(place: Address, row: Operand) -> Span:
+    return Span(place.table, place.address, max(1, row.words))
+
+
+def _row(loop: Loop, operand: str) -> Operand:
+    try:
+        return loop.controller.operand(operand)
+    except KeyError:
+        names = [row.name for row in loop.controller.operands]
+        near = get_close_matches(operand, names, 1, 0.5)
+        raise CodecError(
+            f"loop {loop.name}: {loop.controller.name} has no operand `{operand}`, it has {', '.join(names)}",
+            hint=f"did you mean `{near[0]}`?" if near else None,
+        ) from None
