@@ -1,0 +1,40 @@
+"""What every test has: a virtual clock, Hypothesis without surprises, and hardware tests that ask for hardware."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+
+import pytest
+from hypothesis import HealthCheck, settings
+
+from ahgateway.clock import VirtualClock
+from ahgateway.core.real import quiet
+
+settings.register_profile("house", max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("house")
+
+TARGET = "AHG_TARGET"
+"""Environment variable with the URI of a real PLC."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Skip tests marked hil unless a target is given: the only skip of this house."""
+    if os.environ.get(TARGET):
+        return
+    for item in items:
+        if item.get_closest_marker("hil"):
+            item.add_marker(pytest.mark.skip(reason=f"hil: no {TARGET}"))
+
+
+@pytest.fixture
+def clock() -> VirtualClock:
+    """Time that moves when told to; starts at 0 and 2026-01-01T00:00Z."""
+    return VirtualClock()
+
+
+@pytest.fixture
+def overflow_is_legal() -> Iterator[None]:
+    """For tests that drive a law with infinities: a PLC overflows without a word."""
+    with quiet(all="ignore"):
+        yield
