@@ -1,0 +1,275 @@
+"""Follows one loop from picture to picture: when an execution happened, what it was worth, what was not seen.
+
+This file alone decides how many executions fit between two pictures and how many there must have been. Everything is
+a function of pictures and their times, so a recording can be followed like a PLC.
+
+Theory of operation: an execution that changes a word shows itself as a change between two pictures. How many can have
+happened is bounded by time: two executions are at least CYCLE less one scan apart, counted from the earliest moment
+at which the last one can have been. Executions that change no word cannot be told from none; their number is an
+estimate, time by CYCLE, and they are never counted as proven.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ahgateway.clock import MILLISECOND, SECOND
+from ahgateway.codec.station import Loop
+from ahgateway.core.real import same_bits
+from ahgateway.core.verdict import Counts, Verdict
+from ahgateway.lockstep.causes import Suspect
+from ahgateway.lockstep.judge import Execution, judge
+from ahgateway.lockstep.picture import Picture
+from ahgateway.lockstep.shadow import (
+    Shadow,
+    changed_inputs,
+    explain,
+    input_variants,
+    judged_names,
+    lingered,
+    recalled,
+    restarted,
+    same_words,
+)
+
+STALL_CYCLES = 3
+"""After this many CYCLEs without an execution that must have changed a word, the loop stands still."""
+
+RATIO_SPREAD = 2e-3
+"""Estimates of one cause from two executions agree within this."""
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """An operand that somebody or something outside the instruction changed, raw words and values before and after."""
+
+    operand: str
+    old: Any
+    new: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """Something a person should look at that is no verdict; `name` is stable, `is_over` tells that it ended."""
+
+    name: str
+    text: str
+    hint: str = ""
+    is_over: bool = False
+
+
+Event = Execution | Change | Finding
+
+
+class Follower:
+    """What is known of one loop at its last picture."""
+
+    def __init__(self, loop: Loop) -> None:
+        self.loop = loop
+        self.counts = Counts()
+        self.picture: Picture | None = None
+        self.last: Execution | None = None
+        self.first_diverged: tuple[Picture, Execution] | None = None
+        self.suspects: tuple[Suspect, ...] = ()
+        self._shadow: Shadow = ()
+        self._expected = 0.0
+        self._earliest_ns: int | None = None
+        self._quiet_since_ns: int | None = None
+        self._findings: set[str] = set()
+
+    def lost(self, executions: float) -> None:
+        """The link was gone for so many CYCLEs: what the instruction did meanwhile is not known."""
+        self.counts = replace(self.counts, link=self.counts.link + max(0, round(executions)))
+        self.picture = None
+        self._shadow = ()
+        self._earliest_ns = None
+        self._quiet_since_ns = None
+
+    def summary(self) -> Counts:
+        """Return the counts with the executions that nobody saw added as unobservable, by the clock's estimate."""
+        counted = self.counts.compared + self.counts.unobservable
+        unseen = max(0, int(self._expected) - counted)
+        return replace(
+            self.counts,
+            unobservable=self.counts.unobservable + unseen,
+            expected=max(counted, round(self._expected)) + self.counts.link,
+        )
+
+    def see(self, picture: Picture) -> list[Event]:
+        """Take the next picture and return what happened since the one before, in order."""
+        before, self.picture = self.picture, picture
+        events: list[Event] = list(self._look(picture))
+        if before is None:
+            self._quiet_since_ns = picture.last_ns
+            return events
+        if is_executing(before) and is_executing(picture):
+            self._expected += (picture.last_ns - before.last_ns) / cycle_ns(self.loop, picture)
+        events.extend(self._changes(before, picture))
+        if same_words(judged_names(self.loop), before.seen, picture.seen):
+            events.extend(self._nothing_changed(before, picture))
+        else:
+            events.append(self._execution(before, picture))
+            events.extend(self._stale_pv(before, picture))
+        return events
+
+    def _stale_pv(self, before: Picture, after: Picture) -> list[Finding]:
+        """The PV that the instruction recorded is not what the register holds, though that stood still meanwhile."""
+        recorded = [word.name for word in self.loop.controller.seen if word.attr == "pv1"]
+        if not recorded or not is_executing(after) or not same_bits(before.inputs.pv, after.inputs.pv):
+            return []
+        used, held = after.seen[recorded[0]], after.inputs.pv
+        detail = f"{recorded[0]} records {float(used):g}, PV holds {float(held):g}"
+        return self._set(STALE_PV, not same_bits(used, held), detail)
+
+    def _execution(self, before: Picture, after: Picture) -> Execution:
+        possible = max(1, self._executions_max(before, after))
+        execution, self._shadow = judge(self.loop, self._shadow, before, after, possible)
+        self._earliest_ns = before.sent_ns
+        self._quiet_since_ns = after.last_ns
+        for _ in range(execution.count):
+            self.counts = self.counts.plus(execution.verdict, execution.proof, execution.weight)
+        self.last = execution
+        if execution.blame is not None:
+            if self.first_diverged is None:
+                self.first_diverged = (after, execution)
+            self.suspects = thinned(self.suspects, execution.blame.suspects)
+        return execution
+
+    def _nothing_changed(self, before: Picture, after: Picture) -> list[Finding]:
+        """Carry what executions that changed no word can have left hidden; notice when there should have been one."""
+        possible = self._executions_max(before, after)
+        if self._shadow and possible and is_executing(after):
+            self._shadow = lingered(self.loop, self._shadow, before, after, possible)
+        if not is_executing(after) or self._quiet_since_ns is None:
+            self._quiet_since_ns = after.last_ns
+            return self._set(NO_EXECUTION, False)
+        silent_ns = after.sent_ns - self._quiet_since_ns
+        if silent_ns < STALL_CYCLES * cycle_ns(self.loop, after) + self.loop.scan_ms_max * MILLISECOND:
+            return []
+        if self._rests(before, after):
+            return self._set(NO_EXECUTION, False)
+        if self._shadow:
+            self._shadow = restarted(self._shadow)
+        return self._set(NO_EXECUTION, True, f"no execution for {silent_ns / SECOND:.1f} s")
+
+    def _rests(self, before: Picture, after: Picture) -> bool:
+        """Tell whether an execution now would change no word."""
+        shadow = self._shadow or recalled(self.loop, (after.inputs,), after.seen)
+        variants = input_variants(self.loop, before, after)
+        return bool(explain(self.loop, shadow, variants, after.seen, judged_names(self.loop)).fits)
+
+    def _executions_max(self, before: Picture, after: Picture) -> int:
+        """How many executions fit between the first request of one picture and the last reply of the next."""
+        interval = cycle_ns(self.loop, after)
+        apart = max(interval - self.loop.scan_ms_max * MILLISECOND, interval // 2)
+        start = before.sent_ns
+        if self._earliest_ns is not None:
+            start = max(start, self._earliest_ns + apart)
+        return 0 if after.last_ns < start else 1 + (after.last_ns - start) // apart
+
+    def _changes(self, before: Picture, after: Picture) -> list[Change]:
+        own = {"mout"} if after.inputs.mout_auto else set()
+        names = [name for name in changed_inputs(self.loop, before, after) if name not in own]
+        spelled = {operand.attr: operand.name for operand in self.loop.controller.operands}
+        return [Change(spelled[name], getattr(before.inputs, name), getattr(after.inputs, name)) for name in names]
+
+    def _look(self, picture: Picture) -> list[Finding]:
+        """Compare one picture with what a loop in service looks like."""
+        zero = not any(any(words) for words in picture.words.values())
+        bad = not all(np.isfinite(value) for value in (picture.inputs.sv, picture.inputs.pv))
+        return [
+            *self._set(STOPPED, picture.running is False),
+            *self._set(DISABLED, picture.enabled is False),
+            *self._set(ALL_ZERO, zero),
+            *self._set(BAD_VALUE, bad, f"SV is {float(picture.inputs.sv):g}, PV is {float(picture.inputs.pv):g}"),
+            *self._set(TUNING, picture.inputs.pid_mode == 1),
+            *self._set(RUN_OFF, not picture.inputs.pid_run and not zero),
+        ]
+
+    def _set(self, name: str, is_on: bool, detail: str = "") -> list[Finding]:
+        """Return the finding when it begins or ends, nothing in between."""
+        if is_on == (name in self._findings):
+            return []
+        text, hint = FINDINGS[name]
+        if is_on:
+            self._findings.add(name)
+        else:
+            self._findings.discard(name)
+        return [Finding(name, f"{detail}: {text}" if detail else text, hint, is_over=not is_on)]
+
+    @property
+    def findings(self) -> tuple[str, ...]:
+        """Names of the findings that hold now."""
+        return tuple(sorted(self._findings))
+
+
+STOPPED = "plc-stopped"
+DISABLED = "en-off"
+ALL_ZERO = "all-zero"
+BAD_VALUE = "bad-value"
+TUNING = "auto-tuning"
+RUN_OFF = "pid-run-off"
+NO_EXECUTION = "no-execution"
+STALE_PV = "stale-pv"
+
+FINDINGS: dict[str, tuple[str, str]] = {
+    STOPPED: ("the PLC is in STOP: nothing executes, nothing is judged", "put the PLC in RUN, or wait"),
+    DISABLED: ("the EN contact is off: the instruction keeps its values and does not execute", ""),
+    ALL_ZERO: (
+        "every operand reads 0: there is no PID instruction at these addresses, or it was never initialised",
+        "compare SV and PV with ISPSoft; `ahgateway profile show` lists the addresses that are read",
+    ),
+    BAD_VALUE: ("SV or PV is not a number: the reference holds its output", "look at the sensor and its scaling"),
+    TUNING: ("PID_MODE is 1: judging is suspended until the PLC sets it back", ""),
+    RUN_OFF: ("PID_RUN is FALSE: MV is held at 0", ""),
+    STALE_PV: (
+        "the instruction does not use the PV that stands in its register",
+        "does the program copy PV somewhere else, or is the analogue input slower than CYCLE?",
+    ),
+    NO_EXECUTION: (
+        "the block stands still although an execution would change it",
+        "is the PLC in RUN, the EN contact on, CYCLE as in the profile? name `running` and `en` in the profile",
+    ),
+}
+"""Finding to its text and what to do."""
+
+
+def is_executing(picture: Picture) -> bool:
+    """Tell whether the instruction computes, as far as the picture shows."""
+    return (
+        picture.running is not False
+        and picture.enabled is not False
+        and picture.inputs.pid_run
+        and picture.inputs.pid_mode != 1
+    )
+
+
+def cycle_ns(loop: Loop, picture: Picture) -> int:
+    """The configured sampling time in ns, at least 1 µs."""
+    return max(1000, round(float(loop.controller.nominal_ts(picture.inputs)) * SECOND))
+
+
+def thinned(known: tuple[Suspect, ...], fresh: tuple[Suspect, ...]) -> tuple[Suspect, ...]:
+    """Keep the causes that explain both; the newest alone when nothing explains all."""
+    if not known:
+        return fresh
+    kept = tuple(
+        suspect
+        for suspect in fresh
+        if any(
+            (suspect.cause, suspect.operand) == (other.cause, other.operand)
+            and abs(suspect.ratio - other.ratio) <= RATIO_SPREAD * max(suspect.ratio, other.ratio)
+            for other in known
+        )
+    )
+    return kept or known
+
+
+def verdict_now(follower: Follower) -> Verdict | None:
+    """The loop's verdict as one word: DIVERGED once anything diverged, else that of the last execution."""
+    if follower.counts.diverged:
+        return Verdict.DIVERGED
+    return follower.last.verdict if follower.last else None

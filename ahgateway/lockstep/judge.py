@@ -1,0 +1,168 @@
+"""One execution's verdict: what the shadow predicted against what the PLC wrote.
+
+This file alone turns an explanation into MATCH, DIVERGED or UNOBSERVABLE and says what the match is worth. It does
+not know when executions are due, nor why one differs (`causes`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from ahgateway.codec.station import Loop
+from ahgateway.core import flags as flag
+from ahgateway.core.compare import compare, weakest
+from ahgateway.core.real import REAL, same_bits
+from ahgateway.core.verdict import Proof, Verdict, Weight
+from ahgateway.lockstep.causes import Blame, blame
+from ahgateway.lockstep.picture import Picture, predicted
+from ahgateway.lockstep.shadow import (
+    Bound,
+    Explanation,
+    Fit,
+    Shadow,
+    explain,
+    input_variants,
+    judged_names,
+    merged,
+    recalled,
+)
+
+TRIVIAL_FLAGS = (
+    flag.MANUAL | flag.STOPPED | flag.BAD_INPUT | flag.AUTOTUNE | flag.FREEZE_HI | flag.FREEZE_LO
+)
+
+SEEDING = "the first execution seen shows what the instruction remembers; judging starts with the next"
+OPEN_STATE = "what the instruction remembers but does not show is not settled yet"
+SEVERAL = "more than one execution fitted between two pictures; poll faster than CYCLE"
+TUNING = "PID_MODE is 1: the auto-tuner's law is not published"
+
+
+@dataclass(frozen=True, slots=True)
+class Execution:
+    """One execution of the instruction, judged.
+
+    Attributes:
+        verdict: MATCH, DIVERGED or UNOBSERVABLE; LINK when it was lost with the link.
+        proof: How well a MATCH is known.
+        weight: What a MATCH is worth.
+        reason: Why there is no MATCH by bits, one sentence.
+        terms: Every term of the reference; None when there was nothing to step from.
+        inputs: What the execution read, as far as it could be told.
+        blame: Where and why it left the reference; only when it DIVERGED.
+        count: How many executions this one line stands for.
+    """
+
+    verdict: Verdict
+    proof: Proof | None = None
+    weight: Weight | None = None
+    reason: str = ""
+    terms: Any = None
+    inputs: Any = None
+    blame: Blame | None = None
+    count: int = 1
+    written: tuple[str, ...] = field(default=())
+
+
+def judge(
+    loop: Loop, shadow: Shadow, before: Picture, after: Picture, executions_max: int
+) -> tuple[Execution, Shadow]:
+    """Judge the execution between two pictures whose words differ.
+
+    Args:
+        loop: The loop with its dialect and tolerance.
+        shadow: What the instruction can have remembered at `before`; () when nothing is known.
+        before: Picture before the execution.
+        after: Picture behind it.
+        executions_max: How many executions the time between the pictures allows, at least 1.
+
+    Returns:
+        The execution, and the shadow behind it.
+    """
+    if 1 in (before.inputs.pid_mode, after.inputs.pid_mode):
+        return Execution(Verdict.UNOBSERVABLE, reason=TUNING, inputs=after.inputs), ()
+    fresh = recalled(loop, (after.inputs, before.inputs), after.seen)
+    if not shadow:
+        if executions_max > 1:
+            return Execution(Verdict.UNOBSERVABLE, reason=SEVERAL, inputs=after.inputs, count=executions_max), fresh
+        return Execution(Verdict.UNOBSERVABLE, reason=SEEDING, inputs=after.inputs), fresh
+
+    names = judged_names(loop)
+    variants = input_variants(loop, before, after)
+    found = explain(loop, shadow, variants, after.seen, names)
+    if found.fits:
+        return _agreed(loop, found, names, before, after), merged(fit.after for fit in found.fits)
+    overwritten = _overwritten_mout(loop, shadow, variants, before, after)
+    if overwritten is not None:
+        execution = _agreed(loop, overwritten, names, before, after, written=("MOUT",))
+        return execution, merged(fit.after for fit in overwritten.fits)
+    assert found.nearest is not None
+    proof = _proof(loop, found.nearest, names, after.seen)
+    if proof is not None:
+        reason = f"agrees by {proof.value} only; the tolerance of the profile allows it"
+        weight = weigh(found.nearest.terms, names, before, after)
+        execution = Execution(Verdict.MATCH, proof, weight, reason, found.nearest.terms, found.nearest.inputs)
+        return execution, merged([*patched(loop, found.nearest, after.seen), *fresh])
+    if executions_max > 1:
+        return Execution(Verdict.UNOBSERVABLE, reason=SEVERAL, inputs=after.inputs, count=executions_max), fresh
+    execution = Execution(
+        Verdict.DIVERGED,
+        terms=found.nearest.terms,
+        inputs=found.nearest.inputs,
+        blame=blame(loop, shadow, found.nearest, before, after),
+    )
+    return execution, merged([*patched(loop, found.nearest, after.seen), *fresh])
+
+
+def _agreed(
+    loop: Loop,
+    found: Explanation,
+    names: tuple[str, ...],
+    before: Picture,
+    after: Picture,
+    written: tuple[str, ...] = (),
+) -> Execution:
+    fit = found.fits[0]
+    if not found.is_decided:
+        return Execution(Verdict.UNOBSERVABLE, None, None, OPEN_STATE, fit.terms, fit.inputs, written=written)
+    weight = weigh(fit.terms, names, before, after)
+    return Execution(Verdict.MATCH, Proof.BITS, weight, "", fit.terms, fit.inputs, written=written)
+
+
+def weigh(terms: Any, names: tuple[str, ...], before: Picture, after: Picture) -> Weight:
+    """Tell what a match is worth: another law would have left the same words when nothing was computed."""
+    if terms.flags & TRIVIAL_FLAGS:
+        return Weight.TRIVIAL
+    computed = [name for name in names if name in ("I_MV", "MV")]
+    if all(same_bits(before.seen[name], after.seen[name]) for name in computed):
+        return Weight.TRIVIAL
+    return Weight.INFORMATIVE
+
+
+def _overwritten_mout(
+    loop: Loop, shadow: Shadow, variants: list[Any], before: Picture, after: Picture
+) -> Explanation | None:
+    """Everything fits but MOUT, which holds a third value: somebody wrote it behind the execution."""
+    names = judged_names(loop)
+    if "MOUT" not in names or same_bits(before.seen["MOUT"], after.seen["MOUT"]):
+        return None
+    found = explain(loop, shadow, variants, after.seen, tuple(name for name in names if name != "MOUT"))
+    return found if found.fits else None
+
+
+def _proof(loop: Loop, fit: Fit, names: tuple[str, ...], seen: Mapping[str, REAL]) -> Proof | None:
+    ref = predicted(loop.controller, fit.after.low, fit.terms)
+    limits = loop.tolerance
+    return weakest(
+        tuple(
+            compare(seen[name], ref[name], limits.ulp_max, limits.mv_max if name in ("I_MV", "MV", "MOUT") else 0.0)
+            for name in names
+        )
+    )
+
+
+def patched(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> Shadow:
+    """Go on from what the PLC shows, with the reference's own hidden state."""
+    shown = {word.attr: seen[word.name] for word in loop.controller.seen if hasattr(fit.after.low, word.attr)}
+    return (Bound(fit.after.low._replace(**shown), fit.after.high._replace(**shown)),)

@@ -1,0 +1,186 @@
+"""One picture of one loop: every operand of a PID instruction as the PLC held it at one moment.
+
+A picture usually needs several requests, and an execution may fall between them. So it is bracketed: the words that
+the instruction writes are read first and last, and only when both readings agree is it one picture. Everything in one
+request is one picture by itself, because the PLC serves a request between two scans (ASSUMED, spec A28).
+This file decides what a picture is; it does not know what a controller would make of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ahgateway.clock import Clock
+from ahgateway.codec import block
+from ahgateway.codec.access import Read, Span
+from ahgateway.codec.devices import DeviceMap
+from ahgateway.codec.plan import plan
+from ahgateway.codec.station import Loop, Station
+from ahgateway.core.controllers import Controller
+from ahgateway.core.real import REAL
+from ahgateway.transports.base import Link, Reply
+
+TRIES_MAX = 4
+"""How often a torn picture is taken again before the loop is left for this round."""
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """Every operand of one loop at one moment.
+
+    Attributes:
+        tick: Number of this picture in its loop, from 0.
+        inputs: The controller's inputs as a NamedTuple; REALs keep their bits.
+        seen: REALs that the instruction writes, by `Seen.name`.
+        words: Raw words by operand; a BOOL is one 0 or 1.
+        enabled: The EN contact, None when the profile does not name it.
+        running: The PLC is in RUN, None when the profile names no device for it.
+        sent_ns: When the first request left.
+        last_ns: When the last reply was complete.
+        utc_ns: UTC of `last_ns`.
+        aligned_since_ns: Since when the line has been proven aligned.
+    """
+
+    tick: int
+    inputs: Any
+    seen: Mapping[str, REAL]
+    words: Mapping[str, tuple[int, ...]]
+    enabled: bool | None
+    running: bool | None
+    sent_ns: int
+    last_ns: int
+    utc_ns: int
+    aligned_since_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class PicturePlan:
+    """Which requests make a picture: `bracket` is read first and, unless it is all there is, again after `inner`."""
+
+    bracket: tuple[Read, ...]
+    inner: tuple[Read, ...]
+
+    @property
+    def is_atomic(self) -> bool:
+        """True when one request holds everything."""
+        return len(self.bracket) == 1 and not self.inner
+
+    @property
+    def requests(self) -> tuple[Read, ...]:
+        """Every request of one picture in the order in which it is sent."""
+        return self.bracket if self.is_atomic else self.bracket + self.inner + self.bracket
+
+
+def picture_plan(loop: Loop, station: Station) -> PicturePlan:
+    """Plan the requests of one loop's picture within the station's pacing."""
+    spans = block.spans(loop, station.devices)
+    if station.running is not None:
+        spans = {**spans, "RUNNING": device_span(station)}
+    pacing = station.pacing
+    reads = plan(spans.values(), unit=station.unit, words_max=pacing.words_per_request_max, gap_max=pacing.gap_words_max)
+    written = {seen.operand for seen in loop.controller.seen}
+    watched = [span for name, span in spans.items() if name in written]
+    bracket = tuple(read for read in reads if any(_covers(read, span) for span in watched))
+    return PicturePlan(bracket, tuple(read for read in reads if read not in bracket))
+
+
+def device_span(station: Station) -> Span:
+    """Where the station's RUN flag stands."""
+    assert station.running is not None
+    address = station.devices.address(station.running)
+    return Span(address.table, address.address, 1)
+
+
+def _covers(read: Read, span: Span) -> bool:
+    return read.table is span.table and read.address <= span.address and span.end <= read.address + read.count
+
+
+class Sampler:
+    """Takes pictures of one loop over a link."""
+
+    def __init__(self, loop: Loop, station: Station, link: Link, clock: Clock) -> None:
+        self.loop = loop
+        self.plan = picture_plan(loop, station)
+        self.torn_count = 0
+        self._station = station
+        self._link = link
+        self._clock = clock
+        self._tick = 0
+
+    async def picture(self) -> Picture | None:
+        """Take one picture; None when an execution fell into each of `TRIES_MAX` attempts.
+
+        Raises:
+            TransportError: The link failed.
+            PlcRefusedError: The PLC refused one of the requests.
+        """
+        first = await self._read(self.plan.bracket)
+        if self.plan.is_atomic:
+            return self._develop(first)
+        for _ in range(TRIES_MAX):
+            inner = await self._read(self.plan.inner)
+            last = await self._read(self.plan.bracket)
+            if self._fingerprint(first) == self._fingerprint(last):
+                return self._develop([first[0], *inner, *last])
+            self.torn_count += 1
+            first = last
+        return None
+
+    async def _read(self, reads: Iterable[Read]) -> list[Reply]:
+        return [await self._link.exchange(read) for read in reads]
+
+    def _image(self, replies: Iterable[Reply]) -> block.Image:
+        image = block.Image()
+        for reply in replies:
+            assert isinstance(reply.request, Read)
+            image.put(reply.request, reply.values)
+        return image
+
+    def _fingerprint(self, replies: list[Reply]) -> tuple[tuple[int, ...], ...]:
+        """The words that the instruction is known to write; the rest of I_MV may change at any time."""
+        image = self._image(replies)
+        return tuple(image.words(span) for span in seen_spans(self.loop, self._station.devices))
+
+    def _develop(self, replies: list[Reply]) -> Picture:
+        image = self._image(replies)
+        words = block.raw(self.loop, self._station.devices, image)
+        tick, self._tick = self._tick, self._tick + 1
+        last_ns = max(reply.last_ns for reply in replies)
+        return Picture(
+            tick=tick,
+            inputs=block.inputs(self.loop, words),
+            seen=block.seen(self.loop, words),
+            words=words,
+            enabled=bool(words["EN"][0]) if "EN" in words else None,
+            running=self._running(image),
+            sent_ns=min(reply.sent_ns for reply in replies),
+            last_ns=last_ns,
+            utc_ns=self._clock.utc_ns() - (self._clock.now_ns() - last_ns),
+            aligned_since_ns=max(reply.aligned_since_ns for reply in replies),
+        )
+
+    def _running(self, image: block.Image) -> bool | None:
+        if self._station.running is None:
+            return None
+        return bool(image.bit(self._station.devices.address(self._station.running)))
+
+
+def seen_spans(loop: Loop, devices: DeviceMap) -> list[Span]:
+    """Where the words stand that the instruction is known to write, in the order of `Controller.seen`."""
+    spans = block.spans(loop, devices)
+    found = []
+    for seen in loop.controller.seen:
+        if seen.operand in spans:
+            span = spans[seen.operand]
+            found.append(Span(span.table, span.address + 2 * seen.dword, min(2, span.count)))
+    return found
+
+
+def predicted(controller: Controller, state: Any, terms: Any) -> dict[str, REAL]:
+    """What an execution leaves in the words that can be seen, by `Seen.name`."""
+    return {
+        seen.name: getattr(state, seen.attr) if hasattr(state, seen.attr) else getattr(terms, seen.attr)
+        for seen in controller.seen
+    }

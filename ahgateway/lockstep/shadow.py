@@ -1,0 +1,301 @@
+"""The shadow: what the controller can have in its hidden memory, carried from execution to execution.
+
+What a PLC does not show (D filter, cross status, previous error, manual history) is carried, not invented. The shadow
+is a set of bounds: each is a lowest and a highest state that differ in at most one REAL, in which the law is
+monotone; every operation rounds monotonically, so stepping both ends bounds every state between them exactly.
+An execution keeps what reproduces its words and drops the rest. This file alone decides what is consistent with what
+was seen; it gives no verdicts.
+
+Theory of operation: `explain` tries each set of inputs that the execution can have read against each bound. A bound
+whose two ends predict the same words is decided; one whose ends differ is narrowed by bisection to the part that
+reproduces the words, if there is one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ahgateway.codec.station import Const, Loop
+from ahgateway.core import flags as flag
+from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits
+from ahgateway.lockstep.picture import Picture, predicted
+
+BOUNDS_MAX = 48
+"""More possibilities than this are no knowledge: the shadow starts again from the block."""
+
+CHANGED_MAX = 4
+"""Up to this many operands changed in one interval, every order of their writes and the execution is tried."""
+
+
+class Bound(NamedTuple):
+    """Two states that enclose a possibility; equal when nothing is open."""
+
+    low: Any
+    high: Any
+
+    @property
+    def is_point(self) -> bool:
+        """True when both ends have the same bits."""
+        return state_key(self.low) == state_key(self.high)
+
+
+Shadow = tuple[Bound, ...]
+
+
+class Fit(NamedTuple):
+    """One way to explain an execution: what it read, what was before and after, and what it says of itself."""
+
+    inputs: Any
+    before: Bound
+    after: Bound
+    terms: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Explanation:
+    """What the shadow makes of an execution.
+
+    Attributes:
+        fits: Every way that reproduces the words; empty when none does.
+        is_decided: The words were predicted before they were seen: all that was open predicted the same.
+        nearest: The prediction that comes closest, decided or not, when nothing fits.
+    """
+
+    fits: tuple[Fit, ...]
+    is_decided: bool
+    nearest: Fit | None
+
+
+def state_key(state: Any) -> tuple[int, ...]:
+    """The bits of a state, as something to compare and to look up."""
+    return tuple(bits(field) if isinstance(field, np.floating) else int(field) for field in state)
+
+
+def judged_names(loop: Loop) -> tuple[str, ...]:
+    """The seen words that stand in the PLC's memory, in the order in which they are blamed."""
+    return tuple(
+        seen.name for seen in loop.controller.seen if not isinstance(loop.bindings.get(seen.operand), Const)
+    )
+
+
+def same_words(names: Iterable[str], left: Mapping[str, REAL], right: Mapping[str, REAL]) -> bool:
+    """Tell whether both have the same bits under every name."""
+    return all(same_bits(left[name], right[name]) for name in names)
+
+
+def recalled(loop: Loop, inputs: Iterable[Any], seen: Mapping[str, REAL]) -> Shadow:
+    """Start a shadow behind an execution whose words are known: every hidden state it can have left."""
+    controller = loop.controller
+    known = {word.attr: seen[word.name] for word in controller.seen if hasattr(controller.state(), word.attr)}
+    found = [Bound(*pair) for read in inputs for pair in controller.recall(read, controller.state(**known))]
+    return merged(found)
+
+
+def merged(bounds: Iterable[Bound]) -> Shadow:
+    """Join bounds that differ only in the open REAL into their hull; too many are no knowledge and give ()."""
+    hulls: dict[tuple[int, ...], Bound] = {}
+    for bound in bounds:
+        attr = open_attr(bound)
+        key = tuple(
+            0 if name == (attr or "d") else value
+            for name, value in zip(bound.low._fields, state_key(bound.low), strict=True)
+        )
+        known = hulls.get(key)
+        hulls[key] = bound if known is None else _hull(known, bound)
+    return tuple(hulls.values()) if len(hulls) <= BOUNDS_MAX else ()
+
+
+def open_attr(bound: Bound) -> str | None:
+    """Name the REAL in which the two ends differ, None when they do not."""
+    for name, low, high in zip(bound.low._fields, bound.low, bound.high, strict=True):
+        if isinstance(low, np.floating) and not same_bits(low, high):
+            return str(name)
+    return None
+
+
+def _hull(left: Bound, right: Bound) -> Bound:
+    attr = open_attr(left) or open_attr(right) or "d"
+    if not hasattr(left.low, attr):
+        return left
+    low = min(left.low, right.low, key=lambda state: order(getattr(state, attr)))
+    high = max(left.high, right.high, key=lambda state: order(getattr(state, attr)))
+    return Bound(low, high)
+
+
+def stepped(loop: Loop, inputs: Any, bound: Bound) -> tuple[Bound, Any, Any]:
+    """Step both ends; return the bound behind the execution and the terms of either end."""
+    controller = loop.controller
+    ts = controller.nominal_ts(inputs)
+    with quiet(all="ignore"):
+        low, low_terms = controller.step(inputs, bound.low, loop.dialect, ts)
+        if bound.is_point:
+            return Bound(low, low), low_terms, low_terms
+        high, high_terms = controller.step(inputs, bound.high, loop.dialect, ts)
+    return Bound(low, high), low_terms, high_terms
+
+
+def input_variants(loop: Loop, before: Picture, after: Picture) -> list[Any]:
+    """Every set of inputs that an execution between two pictures can have read, likeliest first.
+
+    Each changed operand was written before or after the execution. The PV that was used is what the instruction
+    recorded, or what the register held at either end where it records none.
+    """
+    changed = changed_inputs(loop, before, after)
+    if len(changed) <= CHANGED_MAX:
+        subsets = [subset for size in range(len(changed), -1, -1) for subset in combinations(changed, size)]
+        subsets.sort(key=lambda subset: min(len(subset), len(changed) - len(subset)))
+    else:
+        subsets = [tuple(changed), ()]
+    recorded = [after.seen[word.name] for word in loop.controller.seen if word.attr == "pv1"]
+    pvs = {bits(pv): pv for pv in (*recorded, after.inputs.pv, before.inputs.pv)}
+    variants: list[Any] = []
+    for subset in subsets:
+        mixed = before.inputs._replace(**{name: getattr(after.inputs, name) for name in subset})
+        variants.extend(mixed._replace(pv=pv) for pv in pvs.values())
+    return variants
+
+
+def changed_inputs(loop: Loop, before: Picture, after: Picture) -> list[str]:
+    """Names of the inputs, PV apart, whose bits differ between two pictures."""
+    return [
+        name
+        for name in loop.controller.input_names
+        if name != "pv" and _bits_of(getattr(before.inputs, name)) != _bits_of(getattr(after.inputs, name))
+    ]
+
+
+def _bits_of(value: Any) -> int:
+    return bits(value) if isinstance(value, np.floating) else int(value)
+
+
+def explain(
+    loop: Loop, shadow: Shadow, variants: Iterable[Any], seen: Mapping[str, REAL], names: tuple[str, ...]
+) -> Explanation:
+    """Find every way in which one execution turns the shadow into the words that were seen under `names`."""
+    fits: list[Fit] = []
+    is_decided = False
+    nearest: tuple[int, Fit] | None = None
+    for inputs in variants:
+        predictions = set()
+        fitting: list[Fit] = []
+        for bound in shadow:
+            after, low_terms, high_terms = stepped(loop, inputs, bound)
+            low = predicted(loop.controller, after.low, low_terms)
+            high = predicted(loop.controller, after.high, high_terms)
+            predictions.add(tuple(bits(low[name]) for name in names))
+            predictions.add(tuple(bits(high[name]) for name in names))
+            if same_words(names, low, high):
+                if same_words(names, low, seen):
+                    fitting.append(Fit(inputs, bound, after, low_terms))
+            else:
+                fitting.extend(_narrowed(loop, inputs, bound, seen, names))
+            distance = _distance(names, low, seen)
+            if nearest is None or distance < nearest[0]:
+                nearest = (distance, Fit(inputs, bound, after, low_terms))
+        if fitting:
+            fits.extend(fitting)
+            is_decided = is_decided or len(predictions) == 1
+    return Explanation(tuple(fits), is_decided, nearest[1] if nearest else None)
+
+
+def _distance(names: Iterable[str], left: Mapping[str, REAL], right: Mapping[str, REAL]) -> int:
+    """Rank a prediction: first how many words differ, then by how much in total."""
+    total = 0
+    for name in names:
+        if not same_bits(left[name], right[name]):
+            total += 1 << 40
+            total += min(abs(order(left[name]) - order(right[name])), 1 << 33)
+    return total
+
+
+def _narrowed(
+    loop: Loop, inputs: Any, bound: Bound, seen: Mapping[str, REAL], names: tuple[str, ...]
+) -> list[Fit]:
+    """Cut a bound down to the part that reproduces the words; nothing when no part does."""
+    attr = open_attr(bound)
+    if attr is None:
+        return []
+
+    def side(position: int) -> int:
+        state = bound.low._replace(**{attr: from_order(position)})
+        return _side(loop, inputs, state, seen, names)
+
+    low, high = order(getattr(bound.low, attr)), order(getattr(bound.high, attr))
+    first = _first(low, high, lambda position: side(position) >= 0)
+    last = _first(low, high, lambda position: side(position) > 0) - 1
+    if first > last:
+        return []
+    part = Bound(
+        bound.low._replace(**{attr: from_order(first)}),
+        bound.low._replace(**{attr: from_order(last)}),
+    )
+    after, terms, high_terms = stepped(loop, inputs, part)
+    if not same_words(names, predicted(loop.controller, after.low, terms), seen):
+        return []
+    if not same_words(names, predicted(loop.controller, after.high, high_terms), seen):
+        return []
+    return [Fit(inputs, part, after, terms)]
+
+
+def _first(low: int, high: int, holds: Callable[[int], bool]) -> int:
+    """Smallest position in low…high for which a monotone condition holds; high + 1 when it never does."""
+    while low <= high:
+        middle = (low + high) // 2
+        if holds(middle):
+            high = middle - 1
+        else:
+            low = middle + 1
+    return low
+
+
+def _side(loop: Loop, inputs: Any, state: Any, seen: Mapping[str, REAL], names: tuple[str, ...]) -> int:
+    """Tell whether this state's prediction lies below (-1), on (0) or above (1) what was seen."""
+    after, terms, _ = stepped(loop, inputs, Bound(state, state))
+    words = predicted(loop.controller, after.low, terms)
+    if same_words(names, words, seen):
+        return 0
+    if not same_bits(words["MV"], seen["MV"]):
+        return -1 if words["MV"] < seen["MV"] else 1
+    if terms.flags & flag.BUMPLESS:
+        return -1 if words["I_MV"] > seen["I_MV"] else 1
+    if terms.flags & flag.FREEZE_HI:
+        return 1
+    if terms.flags & flag.FREEZE_LO:
+        return -1
+    return -1 if seen["MV"] >= max(inputs.mv_max, inputs.mv_min) else 1
+
+
+def lingered(loop: Loop, shadow: Shadow, before: Picture, after: Picture, executions_max: int) -> Shadow:
+    """Add what up to `executions_max` executions that changed no word can have left hidden."""
+    names = judged_names(loop)
+    bounds = list(shadow)
+    front = list(shadow)
+    known = {(state_key(bound.low), state_key(bound.high)) for bound in bounds}
+    variants = input_variants(loop, before, after)
+    for _ in range(min(executions_max, 4)):
+        reached = [fit.after for bound in front for fit in explain(loop, (bound,), variants, after.seen, names).fits]
+        front = []
+        for bound in reached:
+            key = (state_key(bound.low), state_key(bound.high))
+            if key not in known:
+                known.add(key)
+                front.append(bound)
+        if not front:
+            break
+        bounds.extend(front)
+    return merged(bounds)
+
+
+def restarted(shadow: Shadow) -> Shadow:
+    """Add the possibility that the instruction has lost its history, as after a restart or a long gap."""
+    fresh = [
+        Bound(bound.low._replace(valid=False), bound.high._replace(valid=False))
+        for bound in shadow
+        if hasattr(bound.low, "valid")
+    ]
+    return merged([*shadow, *fresh])
