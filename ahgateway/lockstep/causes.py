@@ -182,7 +182,8 @@ def _other_dialect(case: _Case) -> list[Suspect]:
         for value in values:
             if value == getattr(case.loop.dialect, axis):
                 continue
-            words, _ = case.run(dialect=case.loop.dialect._replace(**{axis: value})  # type: ignore[arg-type])
+            other: Any = {axis: value}
+            words, _ = case.run(dialect=case.loop.dialect._replace(**other))
             if case.reproduces(words):
                 found.append(Suspect("dialect", f"{axis} = {value.name.lower()} reproduces it"))
     return found

@@ -29,9 +29,7 @@ from ahgateway.lockstep.shadow import (
     recalled,
 )
 
-TRIVIAL_FLAGS = (
-    flag.MANUAL | flag.STOPPED | flag.BAD_INPUT | flag.AUTOTUNE | flag.FREEZE_HI | flag.FREEZE_LO
-)
+TRIVIAL_FLAGS = flag.MANUAL | flag.STOPPED | flag.BAD_INPUT | flag.AUTOTUNE | flag.FREEZE_HI | flag.FREEZE_LO
 
 SEEDING = "the first execution seen shows what the instruction remembers; judging starts with the next"
 OPEN_STATE = "what the instruction remembers but does not show is not settled yet"
@@ -65,9 +63,7 @@ class Execution:
     written: tuple[str, ...] = field(default=())
 
 
-def judge(
-    loop: Loop, shadow: Shadow, before: Picture, after: Picture, executions_max: int
-) -> tuple[Execution, Shadow]:
+def judge(loop: Loop, shadow: Shadow, before: Picture, after: Picture, executions_max: int) -> tuple[Execution, Shadow]:
     """Judge the execution between two pictures whose words differ.
 
     Args:

@@ -78,8 +78,10 @@ def picture_plan(loop: Loop, station: Station) -> PicturePlan:
     spans = block.spans(loop, station.devices)
     if station.running is not None:
         spans = {**spans, "RUNNING": device_span(station)}
-    pacing = station.pacing
-    reads = plan(spans.values(), unit=station.unit, words_max=pacing.words_per_request_max, gap_max=pacing.gap_words_max)
+    limits = station.pacing
+    reads = plan(
+        spans.values(), unit=station.unit, words_max=limits.words_per_request_max, gap_max=limits.gap_words_max
+    )
     written = {seen.operand for seen in loop.controller.seen}
     watched = [span for name, span in spans.items() if name in written]
     bracket = tuple(read for read in reads if any(_covers(read, span) for span in watched))

@@ -78,9 +78,7 @@ def state_key(state: Any) -> tuple[int, ...]:
 
 def judged_names(loop: Loop) -> tuple[str, ...]:
     """The seen words that stand in the PLC's memory, in the order in which they are blamed."""
-    return tuple(
-        seen.name for seen in loop.controller.seen if not isinstance(loop.bindings.get(seen.operand), Const)
-    )
+    return tuple(seen.name for seen in loop.controller.seen if not isinstance(loop.bindings.get(seen.operand), Const))
 
 
 def same_words(names: Iterable[str], left: Mapping[str, REAL], right: Mapping[str, REAL]) -> bool:
@@ -213,9 +211,7 @@ def _distance(names: Iterable[str], left: Mapping[str, REAL], right: Mapping[str
     return total
 
 
-def _narrowed(
-    loop: Loop, inputs: Any, bound: Bound, seen: Mapping[str, REAL], names: tuple[str, ...]
-) -> list[Fit]:
+def _narrowed(loop: Loop, inputs: Any, bound: Bound, seen: Mapping[str, REAL], names: tuple[str, ...]) -> list[Fit]:
     """Cut a bound down to the part that reproduces the words; nothing when no part does."""
     attr = open_attr(bound)
     if attr is None:
