@@ -80,7 +80,11 @@ def picture_plan(loop: Loop, station: Station) -> PicturePlan:
         spans = {**spans, "RUNNING": device_span(station)}
     limits = station.pacing
     reads = plan(
-        spans.values(), unit=station.unit, words_max=limits.words_per_request_max, gap_max=limits.gap_words_max
+        spans.values(),
+        unit=station.unit,
+        words_max=limits.words_per_request_max,
+        gap_max=limits.gap_words_max,
+        exists=station.devices.covers,
     )
     written = {seen.operand for seen in loop.controller.seen}
     watched = [span for name, span in spans.items() if name in written]
@@ -106,6 +110,7 @@ class Sampler:
         self.loop = loop
         self.plan = picture_plan(loop, station)
         self.torn_count = 0
+        self._watched = seen_spans(loop, station.devices)
         self._station = station
         self._link = link
         self._clock = clock
@@ -143,7 +148,7 @@ class Sampler:
     def _fingerprint(self, replies: list[Reply]) -> tuple[tuple[int, ...], ...]:
         """The words that the instruction is known to write; the rest of I_MV may change at any time."""
         image = self._image(replies)
-        return tuple(image.words(span) for span in seen_spans(self.loop, self._station.devices))
+        return tuple(image.words(span) for span in self._watched)
 
     def _develop(self, replies: list[Reply]) -> Picture:
         image = self._image(replies)

@@ -1,0 +1,180 @@
+"""Follow every loop of a station on a live PLC: pictures in, reports out, no printing.
+
+Pictures of all loops are taken in turn over one link, each loop at a quarter of its CYCLE unless the profile paces
+the line. When the link breaks, what was missed is counted, never guessed.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+
+from ahgateway.clock import MILLISECOND, SECOND, Clock
+from ahgateway.codec.station import Loop, Station
+from ahgateway.core.verdict import Counts
+from ahgateway.errors import CodecError, PlcRefusedError, TransportError
+from ahgateway.lockstep.follow import Event, Finding, Follower, cycle_ns
+from ahgateway.lockstep.picture import Picture, Sampler
+from ahgateway.transports.base import Link
+
+POLLS_PER_CYCLE = 4
+POLL_MIN_NS = 5 * MILLISECOND
+POLL_MAX_NS = SECOND
+RETRY_NS = 200 * MILLISECOND
+REFUSED_RETRY_NS = 2 * SECOND
+GIVE_UP_NS = 10 * SECOND
+"""A target that never answered for this long is given up, unless the caller set a duration."""
+
+
+@dataclass(frozen=True, slots=True)
+class LinkChange:
+    """The link went away (`is_up` false, with its cause) or came back."""
+
+    is_up: bool
+    cause: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """A picture was taken; what is shown live comes from here."""
+
+    picture: Picture
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """One thing that happened: to a loop, or to the link when `loop` is empty."""
+
+    utc_ns: int
+    loop: str
+    tick: int
+    event: Event | LinkChange | Sample
+
+
+class Watch:
+    """One loop under observation."""
+
+    def __init__(self, loop: Loop, station: Station, link: Link, clock: Clock) -> None:
+        self.loop = loop
+        self.follower = Follower(loop)
+        self.sampler = Sampler(loop, station, link, clock)
+        self.due_ns = clock.now_ns()
+        self.refused = ""
+
+    def poll_ns(self, station: Station) -> int:
+        """How long to wait between two pictures of this loop."""
+        if station.pacing.poll_ms:
+            return station.pacing.poll_ms * MILLISECOND
+        picture = self.follower.picture
+        if picture is None:
+            return POLL_MIN_NS
+        return min(max(cycle_ns(self.loop, picture) // POLLS_PER_CYCLE, POLL_MIN_NS), POLL_MAX_NS)
+
+
+class Monitor:
+    """Every loop of a station, followed over one link."""
+
+    def __init__(self, station: Station, link: Link, clock: Clock) -> None:
+        self.station = station
+        self.link = link
+        self.watches = [Watch(loop, station, link, clock) for loop in station.loops]
+        self.is_up = False
+        self._clock = clock
+        self._started_ns = clock.now_ns()
+        self._down_since_ns: int | None = None
+        self._reported_down = False
+
+    def summaries(self) -> dict[str, Counts]:
+        """Counts of every loop by name, unseen executions included."""
+        return {watch.loop.name: watch.follower.summary() for watch in self.watches}
+
+    def total(self) -> Counts:
+        """The counts of all loops together."""
+        return sum(self.summaries().values(), Counts())
+
+    async def reports(
+        self, *, duration_ns: int | None = None, stop: asyncio.Event | None = None
+    ) -> AsyncIterator[Report]:
+        """Yield what happens until the time is over or `stop` is set.
+
+        Args:
+            duration_ns: How long to follow on this clock; None for ever.
+            stop: Ends it between two pictures.
+
+        Raises:
+            TransportError: No duration was asked for and the target never answered for `GIVE_UP_NS`.
+        """
+        end_ns = None if duration_ns is None else self._started_ns + duration_ns
+        while not (stop is not None and stop.is_set()):
+            now_ns = self._clock.now_ns()
+            if end_ns is not None and now_ns >= end_ns:
+                return
+            watch = min(self.watches, key=lambda each: each.due_ns)
+            if watch.due_ns > now_ns:
+                wait_ns = watch.due_ns - now_ns
+                await self._clock.sleep_ns(wait_ns if end_ns is None else min(wait_ns, end_ns - now_ns))
+                continue
+            for report in await self._turn(watch, patient=end_ns is not None):
+                yield report
+
+    async def _turn(self, watch: Watch, *, patient: bool) -> list[Report]:
+        """Take one picture of one loop and schedule the next."""
+        started_ns = self._clock.now_ns()
+        try:
+            picture = await watch.sampler.picture()
+        except TransportError as error:
+            reports = self._link_down(error)
+            never = not self.link.figures.replies
+            if never and not patient and self._clock.now_ns() - self._started_ns > GIVE_UP_NS:
+                raise
+            self._postpone(RETRY_NS)
+            return reports
+        except (PlcRefusedError, CodecError) as error:
+            watch.due_ns = self._clock.now_ns() + REFUSED_RETRY_NS
+            return self._refused(watch, error)
+        reports = self._link_up()
+        if watch.refused:
+            watch.refused = ""
+        if picture is not None:
+            reports += [
+                Report(picture.utc_ns, watch.loop.name, picture.tick, event) for event in watch.follower.see(picture)
+            ]
+            reports.append(Report(picture.utc_ns, watch.loop.name, picture.tick, Sample(picture)))
+        watch.due_ns = max(started_ns + watch.poll_ns(self.station), self._clock.now_ns())
+        return reports
+
+    def _postpone(self, wait_ns: int) -> None:
+        due_ns = self._clock.now_ns() + wait_ns
+        for watch in self.watches:
+            watch.due_ns = max(watch.due_ns, due_ns)
+
+    def _link_down(self, error: TransportError) -> list[Report]:
+        if self._down_since_ns is None:
+            self._down_since_ns = self._clock.now_ns()
+        self.is_up = False
+        if self._reported_down:
+            return []
+        self._reported_down = True
+        cause = f"{error.message}; hint: {error.hint}" if error.hint else error.message
+        return [Report(self._clock.utc_ns(), "", 0, LinkChange(False, cause))]
+
+    def _link_up(self) -> list[Report]:
+        was_up, self.is_up = self.is_up, True
+        if self._down_since_ns is not None:
+            for watch in self.watches:
+                last = watch.follower.picture
+                missed_ns = self._clock.now_ns() - (last.last_ns if last else self._clock.now_ns())
+                watch.follower.lost(missed_ns / cycle_ns(watch.loop, last) if last else 0.0)
+        self._down_since_ns = None
+        self._reported_down = False
+        return [] if was_up else [Report(self._clock.utc_ns(), "", 0, LinkChange(True))]
+
+    def _refused(self, watch: Watch, error: PlcRefusedError | CodecError) -> list[Report]:
+        """The PLC is there but refuses this loop's addresses: said once, asked again now and then."""
+        self.is_up = True
+        if watch.refused == error.message:
+            return []
+        watch.refused = error.message
+        finding = Finding("refused", error.message, error.hint or "")
+        return [Report(self._clock.utc_ns(), watch.loop.name, 0, finding)]
