@@ -45,12 +45,16 @@ Tap = Callable[[Frame], None]
 
 @dataclass(slots=True)
 class LinkFigures:
-    """Running totals of a link since it was made; round trips in ns."""
+    """Running totals of a link since it was made; round trips in ns, the latest few thousand of them kept.
+
+    `late` counts replies that came after their request had been given up; they were dropped.
+    """
 
     requests: int = 0
     replies: int = 0
     refused: int = 0
     timeouts: int = 0
+    late: int = 0
     reconnects: int = 0
     garbage_bytes: int = 0
     round_trip_last_ns: int = 0

@@ -1,0 +1,338 @@
+"""The request/response engine of every Modbus link: queue, window, deadline, matching; no sockets, no threads.
+
+Whoever owns the wire hands bytes and times in and asks what to send next:
+
+    submit → outgoing → (write) → received | tick | lost → the waiter has its reply or its error
+
+Framings that number their transactions match by number, unit, function, byte count and echo; a late reply is
+dropped by its number. Framings that do not (RTU, ASCII) have one request in flight, a quiet line before the next one
+after anything odd, and `alignment` decides what may be believed. No request is ever sent twice.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from typing import Protocol
+
+from ahgateway.clock import MILLISECOND, Clock
+from ahgateway.codec.access import Read, Request
+from ahgateway.errors import CodecError, FrameError, LinkError, PlcRefusedError, ReplyTimeoutError, TransportError
+from ahgateway.transports.alignment import Alignment
+from ahgateway.transports.base import Frame, LinkFigures, Reply, Tap
+from ahgateway.transports.framing import Adu, Framing
+from ahgateway.transports.pdu import Shape, decode_reply, describe, encode_request, reply_shape
+
+ROUND_TRIPS_KEPT_MAX = 4096
+STRAY_FRAME_SIZE_MIN = 5
+"""Fewer stray bytes cannot be a frame: the shortest, an RTU exception, has 5; an ASCII one has 11 characters."""
+
+
+class Waiter(Protocol):
+    """Where an outcome goes; an `asyncio.Future` is one."""
+
+    def done(self) -> bool: ...
+
+    def set_result(self, reply: Reply, /) -> None: ...
+
+    def set_exception(self, error: Exception, /) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """What a line allows.
+
+    Attributes:
+        timeout_ns: From the last byte of the request to the last byte of the reply, wire time not counted.
+        window: Requests in flight; 1 where the framing does not number them.
+        pause_ns: Between the end of a reply and the next request.
+        pause_after_connect_ns: Before the first request of a connection.
+        quiet_ns: How long a line without transaction numbers must be silent after anything odd.
+        byte_ns: Wire time of one byte; 0 where it does not count.
+    """
+
+    timeout_ns: int
+    window: int = 1
+    pause_ns: int = 0
+    pause_after_connect_ns: int = 0
+    quiet_ns: int = 50 * MILLISECOND
+    byte_ns: int = 0
+
+
+class _Job:
+    __slots__ = ("deadline_ns", "pdu", "request", "sent_ns", "shape", "waiter")
+
+    def __init__(self, request: Request, pdu: bytes, waiter: Waiter | None) -> None:
+        self.request = request
+        self.pdu = pdu
+        self.shape: Shape = reply_shape(request, pdu)
+        self.waiter = waiter  # None for an alignment probe
+        self.sent_ns = 0
+        self.deadline_ns = 0
+
+
+class Engine:
+    """One line or connection.
+
+    Args:
+        framing: How frames look on this wire.
+        limits: What the line allows.
+        clock: Only to stamp tapped frames with UTC; all other times come in as arguments.
+        figures: Running totals to keep.
+        target: How errors name the line.
+        tap: Gets every frame, or None.
+    """
+
+    def __init__(
+        self, framing: Framing, limits: Limits, clock: Clock, figures: LinkFigures, target: str, tap: Tap | None = None
+    ) -> None:
+        self.framing = framing
+        self.unanswered_in_a_row = 0
+        self.replies_on_connection = 0
+        self._limits = limits
+        self._clock = clock
+        self._figures = figures
+        self._target = target
+        self._tap = tap
+        self._window = limits.window if framing.identifies else 1
+        self._queue: deque[_Job] = deque()
+        self._flying: dict[int, _Job] = {}
+        self._expired: set[int] = set()
+        self._tag = 0
+        self._send_after_ns = 0
+        self._first_ns: int | None = None
+        self._connected_ns = 0
+        self._alignment = Alignment(limits.timeout_ns)
+        self._heard = bytearray()
+
+    @property
+    def is_busy(self) -> bool:
+        """True while anything is queued or in flight."""
+        return bool(self._flying or self._queue)
+
+    def connected(self, now_ns: int) -> None:
+        """Start on a fresh connection; nothing that was said on the old one counts."""
+        self.framing.drain()
+        self._heard.clear()
+        self._expired.clear()
+        self._alignment.doubt_all()
+        self._first_ns = None
+        self._connected_ns = now_ns
+        self._send_after_ns = now_ns + self._limits.pause_after_connect_ns
+        self.unanswered_in_a_row = 0
+        self.replies_on_connection = 0
+
+    def submit(self, request: Request, waiter: Waiter) -> None:
+        """Queue a request.
+
+        Raises:
+            CodecError: No PDU can hold it; nothing has been queued.
+        """
+        if request.unit == 0 and not self.framing.identifies:
+            raise CodecError(
+                f"cannot {describe(request)}: unit 0 is everybody on a serial line and nobody answers",
+                hint="units on a serial line are 1…247",
+            )
+        self._queue.append(_Job(request, encode_request(request), waiter))
+
+    def outgoing(self, now_ns: int) -> bytes | None:
+        """Return the next frame to write at once, or None when nothing may be sent now."""
+        queue = self._queue
+        while queue and queue[0].waiter is not None and queue[0].waiter.done():
+            queue.popleft()  # its caller has gone; what was not sent is not sent
+        if not queue or len(self._flying) >= self._window or now_ns < self._send_after_ns:
+            return None
+        tag = 0
+        if self.framing.identifies:
+            job = queue.popleft()
+            tag = self._next_tag()
+        else:
+            job = self._provable(now_ns)
+            self.framing.expect(job.request.unit, job.shape.head, job.shape.size)
+        frame = self.framing.wrap(tag, job.request.unit, job.pdu)
+        job.sent_ns = now_ns
+        job.deadline_ns = now_ns + self._limits.timeout_ns
+        if self._limits.byte_ns:
+            job.deadline_ns += self._limits.byte_ns * (len(frame) + len(self.framing.wrap(0, 0, bytes(job.shape.size))))
+        self._flying[tag] = job
+        self._figures.requests += 1
+        if self._tap is not None:
+            self._tap(Frame(">", frame, now_ns, self._clock.utc_ns()))
+        return frame
+
+    def received(self, piece: bytes | memoryview, now_ns: int) -> None:
+        """Take bytes from the wire that were there at `now_ns`.
+
+        Raises:
+            FrameError: The stream cannot be read on; close the connection, then call `lost`.
+        """
+        if self._tap is not None:
+            self._heard += piece
+        first_ns = self._first_ns
+        if first_ns is None:
+            first_ns = now_ns
+        self.unanswered_in_a_row = 0
+        found = self.framing.feed(piece)
+        for adu in found:
+            self._match(adu, first_ns, now_ns)
+            first_ns = now_ns
+        is_kept = self.framing.kept > 0
+        self._first_ns = first_ns if is_kept else None
+        if found and self._tap is not None:
+            self._flush_heard(now_ns)
+        if not self.framing.identifies and not self._flying and is_kept:
+            # More than was asked for: let the line fall silent, then look at what it was.
+            self._send_after_ns = now_ns + max(self._limits.quiet_ns, self._limits.pause_ns)
+
+    def tick(self, now_ns: int) -> None:
+        """Fail what has passed its deadline."""
+        for tag in [tag for tag, job in self._flying.items() if job.deadline_ns <= now_ns]:
+            job = self._flying.pop(tag)
+            self._figures.timeouts += 1
+            self.unanswered_in_a_row += 1
+            if self.framing.identifies:
+                self._expired.add(tag)
+                self._fail(job, self._timeout_error(job, 0))
+            else:
+                heard = self.framing.drain()
+                self._figures.garbage_bytes = self.framing.garbage_bytes
+                self._alignment.missed(job.request.unit, job.shape.head, now_ns)
+                self._send_after_ns = now_ns + self._limits.quiet_ns
+                self._fail(job, self._timeout_error(job, heard))
+            self._flush_heard(now_ns)
+
+    def wake_ns(self) -> int | None:
+        """Return when `tick` and `outgoing` should be called next if nothing else happens, None for never."""
+        wake = None
+        for job in self._flying.values():
+            wake = job.deadline_ns  # all time-outs are equal: the first sent is the first due
+            break
+        if self._queue and len(self._flying) < self._window and (wake is None or self._send_after_ns < wake):
+            wake = self._send_after_ns
+        return wake
+
+    def lost(self, now_ns: int, message: str, hint: str | None = None, kind: type[TransportError] = LinkError) -> None:
+        """Fail everything that waits; the connection is gone."""
+        self._flush_heard(now_ns)
+        jobs = [*self._flying.values(), *self._queue]
+        flying = len(self._flying)
+        self._flying.clear()
+        self._queue.clear()
+        self.framing.drain()
+        self._figures.garbage_bytes = self.framing.garbage_bytes
+        for index, job in enumerate(jobs):
+            fate = (
+                ""
+                if type(job.request) is Read
+                else ("; whether the PLC carried it out is not known" if index < flying else "; it was not sent")
+            )
+            self._fail(
+                job, kind(f"{self._target}: {message}, before an answer to: {describe(job.request)}{fate}", hint=hint)
+            )
+
+    def _provable(self, now_ns: int) -> _Job:
+        """Return the queue's head, or the alignment probe that must come before it."""
+        if self.framing.drain() >= STRAY_FRAME_SIZE_MIN:
+            self._alignment.doubt_all()
+        self._flush_heard(now_ns)
+        self._figures.garbage_bytes = self.framing.garbage_bytes
+        request = self._queue[0].request
+        if self._alignment.since_ns(request.unit) is not None:
+            return self._queue.popleft()
+        probe = self._alignment.probe(request, now_ns)
+        return _Job(probe, encode_request(probe), None)
+
+    def _next_tag(self) -> int:
+        while True:
+            self._tag = (self._tag + 1) & 0xFFFF
+            if self._tag not in self._flying and self._tag not in self._expired:
+                return self._tag
+
+    def _match(self, adu: Adu, first_ns: int, now_ns: int) -> None:
+        job = self._flying.pop(adu.tag, None)
+        if job is None:
+            self._expired.discard(adu.tag)
+            self._figures.late += 1
+            return
+        request, limits = job.request, self._limits
+        if limits.pause_ns:
+            self._send_after_ns = now_ns + limits.pause_ns
+        if adu.unit != request.unit:
+            self._fail(job, FrameError(f"{self._target}: unit {adu.unit} answered to: {describe(request)}"))
+            return
+        try:
+            values = decode_reply(request, job.shape, adu.pdu)
+        except (PlcRefusedError, FrameError) as error:
+            self._refused(job, error, now_ns)
+            return
+        self.replies_on_connection += 1
+        aligned_ns = self._connected_ns
+        if not self.framing.identifies:
+            if job.waiter is None:
+                self._alignment.proven(request.unit, now_ns)
+                return
+            self._alignment.answered(request)
+            aligned_ns = self._alignment.since_ns(request.unit) or now_ns
+        self._note_round_trip(now_ns - job.sent_ns)
+        waiter = job.waiter
+        if waiter is not None and not waiter.done():
+            waiter.set_result(Reply(request, values, job.sent_ns, first_ns, now_ns, aligned_ns))
+
+    def _refused(self, job: _Job, error: PlcRefusedError | FrameError, now_ns: int) -> None:
+        if isinstance(error, PlcRefusedError):
+            self.replies_on_connection += 1
+            self._figures.refused += 1
+            if job.waiter is None and self._alignment.refusal_proves(job.request.unit, job.shape.function):
+                self._alignment.proven(job.request.unit, now_ns)
+                return
+        if job.waiter is None:
+            self._alignment.missed(job.request.unit, job.shape.head, now_ns)
+            self._send_after_ns = now_ns + self._limits.quiet_ns
+            error = FrameError(
+                f"{self._target}: unit {job.request.unit} refused the alignment probe, which proves nothing while an "
+                f"earlier request is unanswered ({error.message})",
+                hint="the link probes again with the next request",
+            )
+        self._fail(job, error)
+
+    def _note_round_trip(self, took_ns: int) -> None:
+        figures = self._figures
+        figures.replies += 1
+        figures.round_trip_last_ns = took_ns
+        figures.round_trip_total_ns += took_ns
+        if took_ns > figures.round_trip_worst_ns:
+            figures.round_trip_worst_ns = took_ns
+        figures.round_trips_ns.append(took_ns)
+        if len(figures.round_trips_ns) > ROUND_TRIPS_KEPT_MAX:
+            del figures.round_trips_ns[: ROUND_TRIPS_KEPT_MAX // 2]
+
+    def _fail(self, job: _Job, error: Exception) -> None:
+        waiter = job.waiter
+        if waiter is None and self._queue:
+            waiter = self._queue.popleft().waiter  # a probe fails the request for which it went out
+        if waiter is not None and not waiter.done():
+            waiter.set_exception(error)
+
+    def _timeout_error(self, job: _Job, heard: int) -> TransportError:
+        request, timeout_ms = job.request, self._limits.timeout_ns // MILLISECOND
+        if job.waiter is None:
+            return ReplyTimeoutError(
+                f"{self._target}: no reply of unit {request.unit} to the alignment probe within {timeout_ms} ms; "
+                "nothing on this line is believed before it answers",
+                hint="check that the unit is powered and its number; the link probes again with the next request",
+            )
+        if heard:
+            return FrameError(
+                f"{self._target}: {heard} bytes within {timeout_ms} ms, but no answer to: {describe(request)}",
+                hint="check baud rate, parity, RTU against ASCII, wiring, termination; or a second master is speaking",
+            )
+        where = "unit number" if self.framing.identifies else "unit number, baud rate, parity and wiring"
+        return ReplyTimeoutError(
+            f"{self._target}: no reply within {timeout_ms} ms to: {describe(request)}",
+            hint=f"check the {where}; if the PLC is slow, raise reply_timeout_ms",
+        )
+
+    def _flush_heard(self, now_ns: int) -> None:
+        if self._heard and self._tap is not None:
+            self._tap(Frame("<", bytes(self._heard), now_ns, self._clock.utc_ns()))
+            self._heard.clear()
