@@ -1,0 +1,148 @@
+"""The file form of a profile: every table and key that a person may write, with its bounds and default.
+
+Only the shape is decided here. What the keys mean together (devices, overlaps, ranges) is checked in `profile`.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, WithJsonSchema, model_validator
+from pydantic_core import CoreSchema
+
+MINUTE_MS = 60_000
+HOUR_MS = 3_600_000
+
+Scalar = Annotated[Any, WithJsonSchema({"type": ["boolean", "number"]})]
+
+
+class Form(BaseModel):
+    """A table: no key beyond its own, no conversion of types, nothing changed after reading."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class PacingForm(Form):
+    """How politely the station wants to be spoken to."""
+
+    reply_timeout_ms: int = Field(default=1000, ge=1, le=MINUTE_MS, description="longest wait for a reply")
+    words_per_request_max: int = Field(default=100, ge=1, le=125, description="longest read or write in words")
+    requests_in_flight_max: int = Field(default=1, ge=1, le=32, description="requests under way at once, TCP only")
+    pause_after_connect_ms: int = Field(default=0, ge=0, le=MINUTE_MS, description="silence after a connection is made")
+    pause_between_requests_ms: int = Field(default=0, ge=0, le=MINUTE_MS, description="silence after each reply")
+    poll_ms: int = Field(default=0, ge=0, le=HOUR_MS, description="period of polling, 0 as fast as the line allows")
+    gap_words_max: int = Field(default=16, ge=0, le=124, description="words read in vain to save a request")
+
+
+class StationForm(Form):
+    """The PLC and the way to it."""
+
+    name: str = Field(min_length=1, description="what people call it")
+    target: str = Field(min_length=1, description="URI of the link")
+    unit: int | None = Field(
+        default=None, ge=0, le=255, description="Modbus station number; without it that of the URI, or 1"
+    )
+    device_map: str = Field(default="ah500", description="name of a shipped device map, or path of one")
+    kind: Literal["plant", "bench"] = Field(
+        default="plant", description="bench: only our own simulation hangs on this PLC"
+    )
+    running: str | None = Field(default=None, description="bit device that is on while the PLC is in RUN")
+    pacing: PacingForm = Field(default_factory=PacingForm)
+
+
+class OperandForm(Form):
+    """Where one operand stands: a device, or a literal of the PLC program."""
+
+    device: str | None = Field(
+        default=None, description="Delta's spelling, D100 or M1; of 32-bit values the lower word"
+    )
+    const: Scalar = Field(default=None, description="the operand is this literal in the PLC program")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _from_device_name(cls, data: Any) -> Any:
+        if isinstance(data, str):
+            return {"device": data}
+        if not isinstance(data, dict):
+            raise ValueError("is neither a device name in quotes nor a table")
+        return data
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, schema: CoreSchema, handler: GetJsonSchemaHandler) -> Any:
+        return {"anyOf": [{"type": "string"}, handler(schema)]}
+
+
+class ToleranceForm(Form):
+    """Differences that are reported apart instead of convicted; 0 means bits alone count."""
+
+    ulp_max: int = Field(default=0, ge=0, description="units of the last place")
+    mv_max: float = Field(default=0.0, ge=0, description="difference of I and MV in the loop's output unit")
+
+
+class UnitsForm(Form):
+    """Engineering units, for people."""
+
+    pv: str = Field(default="", description="unit of SV and PV")
+    mv: str = Field(default="%", description="unit of MV")
+
+
+class RangesForm(Form):
+    """Engineering ranges, lowest and highest value."""
+
+    pv: list[float] | None = Field(default=None, min_length=2, max_length=2, description="range of SV and PV")
+    mv: list[float] | None = Field(default=None, min_length=2, max_length=2, description="range of MV")
+
+
+class EvidenceForm(Form):
+    """Who learned the dialect, and from what; typed in by a person or written by `identify`."""
+
+    by: str = Field(default="", description="person or command")
+    date: str = Field(default="", description="ISO date")
+    executions: int = Field(default=0, ge=0, description="executions that agreed")
+    firmware: str = Field(default="", description="firmware of the PLC, as its label or programming tool shows it")
+
+
+class PlantForm(Form):
+    """The process behind a loop in the fake PLC."""
+
+    kind: Literal["fopdt", "integrating"]
+    gain: float = Field(description="PV per MV; PV per MV and second when integrating")
+    tau_s: float | None = Field(default=None, gt=0, description="time constant; fopdt needs it")
+    dead_time_s: float = Field(default=0.0, ge=0, description="dead time")
+    bias: float = Field(default=0.0, description="PV at MV = 0; drift of PV per second when integrating")
+    noise: float = Field(default=0.0, ge=0, description="standard deviation of the noise on PV")
+    initial: float | None = Field(default=None, description="PV at the start; without it bias, 0 when integrating")
+
+
+class FakeForm(Form):
+    """What only the fake PLC reads."""
+
+    initial: dict[str, Scalar] = Field(default_factory=dict, description="operand to its value at the start")
+    plant: PlantForm | None = None
+
+
+class LoopForm(Form):
+    """One PID instruction of the PLC program."""
+
+    instruction: str = Field(description="name of the instruction, DPID or DPIDE")
+    layout: Literal["manual"] | None = Field(default=None, description="place operands as the manual's example does")
+    data: str | None = Field(
+        default=None, description="first register of the layout instead of D100; MV stays 100 behind it"
+    )
+    flags: str | None = Field(default=None, description="first flag of the layout instead of M1")
+    en: str | None = Field(default=None, description="bit device of the instruction's EN contact")
+    scan_ms_max: int = Field(default=10, ge=1, le=10_000, description="longest scan to expect")
+    operands: dict[str, OperandForm] = Field(default_factory=dict, description="operand to device or constant")
+    dialect: dict[str, str] = Field(default_factory=dict, description="axis to value, how this PLC discretises")
+    evidence: EvidenceForm = Field(default_factory=EvidenceForm)
+    tolerance: ToleranceForm = Field(default_factory=ToleranceForm)
+    units: UnitsForm = Field(default_factory=UnitsForm)
+    ranges: RangesForm = Field(default_factory=RangesForm)
+    fake: FakeForm = Field(default_factory=FakeForm)
+
+
+class ProfileForm(Form):
+    """A profile: one station and its loops."""
+
+    station: StationForm
+    loops: dict[str, LoopForm] = Field(min_length=1, description="tag of the loop to its table")
