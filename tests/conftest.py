@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, settings
 from ahgateway.clock import VirtualClock
 from ahgateway.core.real import quiet
 
-settings.register_profile("house", max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.register_profile("house", max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("house")
 
 TARGET = "AHG_TARGET"
