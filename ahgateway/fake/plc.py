@@ -61,7 +61,8 @@ class FakePlc:
 
     Args:
         station: Device map, station number and loops.
-        setups: Loop name to what it starts with; a loop without one starts with its operands' defaults and a plant.
+        setups: Loop name to what it starts with; a loop without one, or with an empty one, starts with its
+            operands' defaults and a first-order plant.
         seed: Of the noise and of the junk in the system's words.
         scan_ns: Time of one scan.
         clock: When given, the PLC catches up with it before each answer.
@@ -122,7 +123,8 @@ class FakePlc:
             item.wiring.defaults()
             item.wiring.junk(self._rng)
         for name, item in self.items.items():
-            self._set_up(item, setups.get(name, FakeLoop(plant=DEFAULT_PLANT)))
+            setup = setups.get(name)
+            self._set_up(item, FakeLoop(plant=DEFAULT_PLANT) if setup in (None, FakeLoop()) else setup)
         self._show_mode()
 
     def scan(self, elapsed_ns: int | None = None) -> None:

@@ -27,8 +27,9 @@ def test_a_scan_is_inputs_then_program_then_outputs(make_plc):
     assert (plc.read(LOOP, "PV"), plc.read(LOOP, "MV")) == (REAL(10), REAL(0))
 
 
-def test_a_loop_without_a_setup_runs_on_defaults_and_a_plant(make_plc):
-    plc = make_plc()
+@pytest.mark.parametrize("setups", [None, {LOOP: FakeLoop()}])
+def test_a_loop_without_a_setup_runs_on_defaults_and_a_plant(make_plc, setups):
+    plc = make_plc(setups=setups)
     plc.write(LOOP, "SV", 30.0)
     plc.advance(60_000 * MILLISECOND)
     # Kp 1, Ki 0, plant gain 1: PV settles at 15.
