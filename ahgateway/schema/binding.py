@@ -158,13 +158,19 @@ def _constant(row: Operand, value: Any, key: str, findings: Findings) -> Bound |
     if typed is None:
         return None
     if row.kind in (Kind.DINT, Kind.INT) and not _in_range(row, typed):
-        findings.add(key, f"{row.name} is {typed}, allowed {row.minimum:g}…{row.maximum:g}{_unit(row)}")
+        findings.add(key, f"{row.name} is {typed}, allowed {_range(row)}{_unit(row)}")
         return None
     return Bound(row, Const(typed), PROFILE, key, None)
 
 
 def _in_range(row: Operand, value: float) -> bool:
     return (row.minimum is None or value >= row.minimum) and (row.maximum is None or value <= row.maximum)
+
+
+def _range(row: Operand) -> str:
+    low = "" if row.minimum is None else f"{row.minimum:g}"
+    high = "" if row.maximum is None else f"{row.maximum:g}"
+    return f"{low}…{high}"
 
 
 def _unit(row: Operand) -> str:

@@ -26,8 +26,20 @@ from ahgateway.schema.findings import Findings, near, pruned, shown
 from ahgateway.schema.forms import FakeForm, LoopForm, ProfileForm, RangesForm, StationForm
 from ahgateway.schema.overlap import shared
 
-SCHEMES = ("modbus+tcp", "modbus+rtu", "modbus+ascii", "canopen", "fake", "replay", "memory")
-SERIAL = ("modbus+rtu", "modbus+ascii")
+SCHEMES = (
+    "modbus+tcp",
+    "modbus+rtu",
+    "modbus+ascii",
+    "modbus+rtu+tcp",
+    "modbus+ascii+tcp",
+    "canopen",
+    "fake",
+    "replay",
+    "memory",
+)
+SERIAL = ("modbus+rtu", "modbus+ascii", "modbus+rtu+tcp", "modbus+ascii+tcp")
+SERIAL_UNIT_MAX = 247
+"""Largest address on a serial line, and 0 is a broadcast (Modbus over serial line 1.02, §2.2)."""
 
 
 @dataclass(frozen=True)
@@ -205,8 +217,8 @@ def _check_station(station: StationForm, findings: Findings) -> None:
         findings.add("station.target", f"unit={written}, allowed 0…255")
     elif written is not None and station.unit is not None and int(written) != station.unit:
         findings.add("station.unit", f"is {station.unit}, but the target says unit={written}", "keep one of the two")
-    elif _unit(station) == 0 and scheme in SERIAL:
-        findings.add("station.unit", "0 is a broadcast that nobody answers, allowed on a serial line are 1…255")
+    elif scheme in SERIAL and not 1 <= _unit(station) <= SERIAL_UNIT_MAX:
+        findings.add("station.unit", f"is {_unit(station)}, allowed on a serial line are 1…{SERIAL_UNIT_MAX}")
 
 
 def _devices(station: StationForm, beside: Path | None, findings: Findings) -> DeviceMap | None:

@@ -1,10 +1,18 @@
+import contextlib
+import re
+import tomllib
+
 import pytest
+import tomlkit
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from ahgateway.codec.devices import Device
 from ahgateway.codec.station import Const, FakeLoop, Pacing, PlantSpec, Tolerance
 from ahgateway.core.dialect import Dialect, Freeze, RunOff
 from ahgateway.errors import ProfileError
-from ahgateway.schema import files, profile
+from ahgateway.schema import device_map, files, profile
+from ahgateway.schema.forms import ProfileForm
 
 STATION = '[station]\nname = "S"\ntarget = "modbus+tcp://192.0.2.10"\n'
 LOOP = STATION + '[loops.A]\ninstruction = "DPID"\nlayout = "manual"\n'
@@ -185,7 +193,10 @@ def test_one_zero_register_may_serve_several_inputs_of_a_loop() -> None:
         (LOOP.replace("modbus+tcp://", ""), ["starts with none of modbus+tcp://"]),
         (LOOP.replace("2.10", "2.10?unit=900"), ["station.target: unit=900, allowed 0…255"]),
         (LOOP.replace("[loops", "unit = 2\n[loops").replace("2.10", "2.10?unit=3"), ["is 2, but the target says"]),
-        (LOOP.replace("[loops", "unit = 0\n[loops").replace("tcp", "rtu"), ["0 is a broadcast that nobody answers"]),
+        (
+            LOOP.replace("[loops", "unit = 0\n[loops").replace("tcp", "rtu"),
+            ["station.unit: is 0, allowed on a serial line are 1…247"],
+        ),
         (LOOP.replace("[loops", 'device_map = "ah50"\n[loops'), ["station.device_map", "did you mean `ah500`?"]),
         (LOOP.replace("[loops", 'running = "D1"\n[loops'), ["station.running: running is a bit, `D1` is a word"]),
         (LOOP.replace("[loops", 'unit = "1"\n[loops'), ['station.unit: "1" should be a valid integer']),
@@ -261,3 +272,42 @@ def test_a_file_in_another_encoding_is_refused_with_advice(tmp_path) -> None:
 @pytest.mark.parametrize("name", files.names(files.shipped() / "examples"))
 def test_every_shipped_example_is_a_good_profile(name: str) -> None:
     assert profile.load(name).station().loops
+
+
+def test_the_shortest_profile_of_the_reference_is_good() -> None:
+    page = (files.shipped().parent / "docs" / "reference" / "profile.md").read_text("utf-8")
+    blocks = re.findall(r"^```toml\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    assert profile.parse(blocks[0], "profile.md").station().name == "Line 1"
+    assert device_map.parse(blocks[1], "profile.md").name == "mine"
+
+
+def test_the_reference_names_every_key() -> None:
+    page = (files.shipped().parent / "docs" / "reference" / "profile.md").read_text("utf-8")
+    schema = ProfileForm.model_json_schema()
+    keys = {key for table in schema["$defs"].values() for key in table.get("properties", {})}
+    assert {key for key in keys if not re.search(rf"`{key}`|\b{key} =|\.{key}\]", page)} == set()
+
+
+VALUES = st.recursive(
+    st.sampled_from(
+        [0, -1, 1.5, 2**40, True, "", "D100", "M1", "X0.3", "D999999999", "manual", "modbus+tcp://[x?unit="]
+    ),
+    lambda inner: st.lists(inner, max_size=2) | st.dictionaries(st.sampled_from(["a", "device", "const"]), inner),
+    max_leaves=3,
+)
+
+
+@settings(max_examples=20)
+@given(st.data())
+def test_whatever_a_person_writes_is_a_good_profile_or_a_profile_error(data) -> None:
+    tables = tomllib.loads((files.shipped() / "examples" / "demo.toml").read_text("utf-8"))
+    for _ in range(data.draw(st.integers(1, 3))):
+        table = tables
+        while True:
+            key = data.draw(st.sampled_from([*sorted(table), "operands", "zz"]))
+            if not isinstance(table.get(key), dict) or not table[key] or data.draw(st.integers(0, 4)) == 0:
+                break
+            table = table[key]
+        table[key] = data.draw(VALUES)
+    with contextlib.suppress(ProfileError):
+        assert profile.parse(tomlkit.dumps(tables), "f.toml").station().loops
