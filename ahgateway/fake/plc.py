@@ -269,6 +269,8 @@ class FakePlc:
         if setup.plant is not None and item.wiring.is_register("MV"):
             self.processes[item.loop.name] = process = Process(item.wiring, setup.plant, self._rng)
             process.sense()
+            # A relay that turns at every flicker of the sensor would measure the noise.
+            item.hysteresis = 4.0 * setup.plant.noise
         for operand, value in setup.initial.items():
             item.wiring.put(operand, value)
         if item.loop.name in self.processes:

@@ -55,6 +55,7 @@ class PidItem:
         skip: Executions that will be due and not happen.
         log: The last executions, oldest first.
         tuning: The relay experiment under way, None outside PID_MODE = 1; a model, not the vendor's.
+        hysteresis: How far PV must pass SV, in PV's unit, before the experiment turns MV; ERR_DBW counts if larger.
     """
 
     def __init__(self, loop: Loop, memory: Memory, rng: random.Random, *, log_max: int, is_restless: bool) -> None:

@@ -22,7 +22,9 @@ def test_the_command_serves_until_told_to_end_and_ends_with_0():
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     with subprocess.Popen(command, creationflags=OWN_GROUP, **pipes) as process:
         assert process.stdout is not None
+        assert process.stderr is not None
         port = int(process.stdout.readline())
+        said = process.stderr.readline() + process.stderr.readline()
 
         async def ask():
             client = AsyncModbusTcpClient("127.0.0.1", port=port)
@@ -34,10 +36,11 @@ def test_the_command_serves_until_told_to_end_and_ends_with_0():
         # SV 80.0 = 0x42A00000.
         assert asyncio.run(ask()) == [0x0000, 0x42A0]
         process.send_signal(END)
-        _, said = process.communicate(timeout=20)
+        _, rest = process.communicate(timeout=20)
     assert process.returncode == 0
     assert f"fake PLC Demo at modbus+tcp://127.0.0.1:{port}?unit=1 with TIC-101, LIC-201" in said
     assert "TIC-101 computes wrongly from now on: windup" in said
+    assert rest.startswith("fake PLC Demo ended after")
 
 
 @pytest.mark.slow

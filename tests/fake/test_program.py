@@ -162,7 +162,7 @@ def test_auto_tuning_swings_between_the_limits_and_ends_with_usable_gains(
     make_plc, make_dpid, make_dpide, instruction, gains
 ):
     loop, cycle = (make_dpid(), 10) if instruction == "DPID" else (make_dpide(), 100)
-    plant = PlantSpec("fopdt", gain=1.0, tau_s=5.0, dead_time_s=0.5)
+    plant = PlantSpec("fopdt", gain=1.0, tau_s=5.0, dead_time_s=0.5, noise=0.05)
     start = {"SV": 50.0, "CYCLE": cycle, "PID_MODE": 1, "MOUT_AUTO": False}
     plc = make_plc([loop], {loop.name: FakeLoop(start, plant)}, scan_ns=10 * MILLISECOND)
     plc.advance(30_000 * MILLISECOND)
