@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
@@ -43,6 +42,8 @@ def fake(
 
     Example: ahgateway fake demo --tcp 5020 --fault TIC-101:ki-1-percent@60
     """
+    import asyncio
+
     from ahgateway.fake.plc import FakePlc
     from ahgateway.schema.profile import load
 
