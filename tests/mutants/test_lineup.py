@@ -60,7 +60,9 @@ SCRIPTS: dict[str, tuple[dict[str, Any], Script]] = {
             250: {"sv": 30.0, "bias": 60.7},
             260: {"kc_kp": 0.0},
             263: {"kc_kp": 1.3},
-            266: {"err_dbw": 5.0, "sv": 40.0, "pv": 30.0},
+            264: {"err_dbw": 5.0, "sv": 40.0, "pv": 30.0},
+            265: {"pv": 45.0},  # from one side onto the other edge
+            266: {"pv": 30.0},
             267: {"pv": 38.0},
             268: {"pv": 40.0},  # touches SV and turns back
             269: {"pv": 38.0},
