@@ -1,6 +1,6 @@
 """Results as data: one report as one JSON object, the same for every command.
 
-The form is normative (docs/reference/monitor-json.md); a REAL is written with the fewest digits that give its bits back.
+The form is normative (docs/reference/monitor-json.md). A REAL is written with the fewest digits that give its bits.
 """
 
 from __future__ import annotations

@@ -24,19 +24,23 @@ from ahgateway.lockstep.causes import Suspect
 from ahgateway.lockstep.judge import Execution, judge
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import (
+    Bound,
     Shadow,
     changed_inputs,
     explain,
     input_variants,
     judged_names,
     lingered,
+    merged,
     recalled,
     restarted,
-    same_words,
 )
 
 STALL_CYCLES = 3
 """After this many CYCLEs without an execution that must have changed a word, the loop stands still."""
+
+WRITABLE = frozenset({"MOUT", "I_MV"})
+"""Seen words that the manual lets people write: a change of these alone need not be an execution."""
 
 RATIO_SPREAD = 2e-3
 """Estimates of one cause from two executions agree within this."""
@@ -108,12 +112,34 @@ class Follower:
         if is_executing(before) and is_executing(picture):
             self._expected += (picture.last_ns - before.last_ns) / cycle_ns(self.loop, picture)
         events.extend(self._changes(before, picture))
-        if same_words(judged_names(self.loop), before.seen, picture.seen):
+        changed = {name for name in judged_names(self.loop) if not same_bits(before.seen[name], picture.seen[name])}
+        if not changed:
             events.extend(self._nothing_changed(before, picture))
+        elif changed == {"MOUT"} or (changed <= WRITABLE and self._is_written(before, picture)):
+            events.extend(self._written(before, picture, changed))
         else:
             events.append(self._execution(before, picture))
             events.extend(self._stale_pv(before, picture))
         return events
+
+    def _is_written(self, before: Picture, after: Picture) -> bool:
+        """Only words changed that people may write, and no execution leaves them so: somebody wrote them."""
+        variants = input_variants(self.loop, before, after)
+        return not explain(self.loop, self._shadow, variants, after.seen, judged_names(self.loop)).fits
+
+    def _written(self, before: Picture, after: Picture, changed: set[str]) -> list[Event]:
+        """Take over what was written; MOUT is an input and reported as such already.
+
+        A change of MOUT alone is never taken for an execution: at rest the two cannot be told apart.
+        """
+        found: list[Event] = [
+            Change(name, before.seen[name], after.seen[name]) for name in sorted(changed) if name != "MOUT"
+        ]
+        shown = {word.attr: after.seen[word.name] for word in self.loop.controller.seen if word.attr == "i"}
+        self._shadow = merged(
+            Bound(bound.low._replace(**shown), bound.high._replace(**shown)) for bound in self._shadow
+        )
+        return found + list(self._nothing_changed(before, after))
 
     def _stale_pv(self, before: Picture, after: Picture) -> list[Finding]:
         """The PV that the instruction recorded is not what the register holds, though that stood still meanwhile."""
@@ -141,7 +167,7 @@ class Follower:
     def _nothing_changed(self, before: Picture, after: Picture) -> list[Finding]:
         """Carry what executions that changed no word can have left hidden; notice when there should have been one."""
         possible = self._executions_max(before, after)
-        if self._shadow and possible and is_executing(after):
+        if self._shadow and possible and is_called(after):
             self._shadow = lingered(self.loop, self._shadow, before, after, possible)
         if not is_executing(after) or self._quiet_since_ns is None:
             self._quiet_since_ns = after.last_ns
@@ -237,14 +263,14 @@ FINDINGS: dict[str, tuple[str, str]] = {
 """Finding to its text and what to do."""
 
 
+def is_called(picture: Picture) -> bool:
+    """Tell whether the program calls the instruction, as far as the picture shows."""
+    return picture.running is not False and picture.enabled is not False
+
+
 def is_executing(picture: Picture) -> bool:
     """Tell whether the instruction computes, as far as the picture shows."""
-    return (
-        picture.running is not False
-        and picture.enabled is not False
-        and picture.inputs.pid_run
-        and picture.inputs.pid_mode != 1
-    )
+    return is_called(picture) and picture.inputs.pid_run and picture.inputs.pid_mode != 1
 
 
 def cycle_ns(loop: Loop, picture: Picture) -> int:

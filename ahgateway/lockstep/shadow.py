@@ -268,7 +268,7 @@ def _side(loop: Loop, inputs: Any, state: Any, seen: Mapping[str, REAL], names: 
 
 def lingered(loop: Loop, shadow: Shadow, before: Picture, after: Picture, executions_max: int) -> Shadow:
     """Add what up to `executions_max` executions that changed no word can have left hidden."""
-    names = judged_names(loop)
+    names = tuple(name for name in judged_names(loop) if name != "MOUT")
     bounds = list(shadow)
     front = list(shadow)
     known = {(state_key(bound.low), state_key(bound.high)) for bound in bounds}
