@@ -47,6 +47,23 @@ class Pacing:
 
 
 @dataclass(frozen=True, slots=True)
+class WriteLimit:
+    """What may be written to one operand; compared after rounding to the operand's own kind.
+
+    Attributes:
+        minimum: Smallest value, in the operand's unit; None for a BOOL.
+        maximum: Largest value; None for a BOOL.
+        step_max: Largest difference from the value that stands there; None for a BOOL.
+        interval_s: Shortest time between two writes of this operand.
+    """
+
+    minimum: float | None = None
+    maximum: float | None = None
+    step_max: float | None = None
+    interval_s: float = 1.0
+
+
+@dataclass(frozen=True, slots=True)
 class Loop:
     """One PID instruction in the PLC program.
 
@@ -63,6 +80,7 @@ class Loop:
         shared: Operands whose device another loop uses too; they are never written.
         pv_range: Lowest and highest value of SV and PV in `pv_unit`, None when nobody said.
         mv_range: Lowest and highest value of MV in `mv_unit`, None when nobody said.
+        writes: Operands that may be written, and within which limits; all others are refused.
     """
 
     name: str
@@ -77,6 +95,7 @@ class Loop:
     shared: frozenset[str] = frozenset()
     pv_range: tuple[float, float] | None = None
     mv_range: tuple[float, float] | None = None
+    writes: Mapping[str, WriteLimit] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +111,7 @@ class Station:
         bench: True only when nothing but our own simulation hangs on this PLC.
         pacing: Limits of the line.
         loops: In the profile's order.
+        scratch: Two words that nothing in the PLC uses, for a marker; None when nobody named any.
     """
 
     name: str
@@ -102,6 +122,7 @@ class Station:
     running: Device | None = None
     bench: bool = False
     pacing: Pacing = field(default_factory=Pacing)
+    scratch: Device | None = None
 
 
 @dataclass(frozen=True, slots=True)

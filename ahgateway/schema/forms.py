@@ -47,6 +47,7 @@ class StationForm(Form):
         default="plant", description="bench: only our own simulation hangs on this PLC"
     )
     running: str | None = Field(default=None, description="bit device that is on while the PLC is in RUN")
+    scratch: str | None = Field(default=None, description="two words that nothing uses, for a marker: D900")
     pacing: PacingForm = Field(default_factory=PacingForm)
 
 
@@ -121,6 +122,15 @@ class FakeForm(Form):
     plant: PlantForm | None = None
 
 
+class WriteForm(Form):
+    """What may be written to one operand; a BOOL needs only the interval."""
+
+    min: float | None = Field(default=None, description="smallest value that may be written")
+    max: float | None = Field(default=None, description="largest value that may be written")
+    step_max: float | None = Field(default=None, gt=0, description="largest change by one write")
+    interval_s: float = Field(default=1.0, ge=0, le=3600, description="shortest time between two writes")
+
+
 class LoopForm(Form):
     """One PID instruction of the PLC program."""
 
@@ -138,6 +148,9 @@ class LoopForm(Form):
     tolerance: ToleranceForm = Field(default_factory=ToleranceForm)
     units: UnitsForm = Field(default_factory=UnitsForm)
     ranges: RangesForm = Field(default_factory=RangesForm)
+    write: dict[str, WriteForm] = Field(
+        default_factory=dict, description="operand to what may be written; nothing else ever is"
+    )
     fake: FakeForm = Field(default_factory=FakeForm)
 
 

@@ -25,6 +25,7 @@ from ahgateway.schema.binding import Bound, bind, bit_device, constants, typed_v
 from ahgateway.schema.findings import Findings, near, pruned, shown
 from ahgateway.schema.forms import FakeForm, LoopForm, ProfileForm, RangesForm, StationForm
 from ahgateway.schema.overlap import shared
+from ahgateway.schema.writes import with_writes
 
 SCHEMES = (
     "modbus+tcp",
@@ -157,6 +158,7 @@ def _profile(form: ProfileForm, text: str, file: str, beside: Path | None, findi
         form.station.kind == "bench",
         Pacing(**form.station.pacing.model_dump()),
     )
+    station = with_writes(station, form, bounds, findings)
     return Profile(file, text, form, bounds, station, fakes)
 
 
