@@ -24,6 +24,8 @@ from ahgateway.transports.framing import Adu, Framing
 from ahgateway.transports.pdu import Shape, decode_reply, describe, encode_request, reply_shape
 
 ROUND_TRIPS_KEPT_MAX = 4096
+PROBES_MAX = 3
+"""So many alignment probes may precede one request; a line that stays in doubt fails it."""
 STRAY_FRAME_SIZE_MIN = 5
 """Fewer stray bytes cannot be a frame: the shortest, an RTU exception, has 5; an ASCII one has 11 characters."""
 
@@ -104,6 +106,9 @@ class Engine:
         self._connected_ns = 0
         self._alignment = Alignment(limits.timeout_ns)
         self._heard = bytearray()
+        self._probes = 0
+        self._probe_frame = b""
+        self._noisy_since_ns: int | None = None
 
     @property
     def is_busy(self) -> bool:
@@ -147,7 +152,10 @@ class Engine:
             job = queue.popleft()
             tag = self._next_tag()
         else:
-            job = self._provable(now_ns)
+            provable = self._provable(now_ns)
+            if provable is None:
+                return self.outgoing(now_ns)
+            job = provable
             self.framing.expect(job.request.unit, job.shape.head, job.shape.size)
         frame = self.framing.wrap(tag, job.request.unit, job.pdu)
         job.sent_ns = now_ns
@@ -155,6 +163,7 @@ class Engine:
         if self._limits.byte_ns:
             job.deadline_ns += self._limits.byte_ns * (len(frame) + len(self.framing.wrap(0, 0, bytes(job.shape.size))))
         self._flying[tag] = job
+        self._noisy_since_ns = None
         self._figures.requests += 1
         if self._tap is not None:
             self._tap(Frame(">", frame, now_ns, self._clock.utc_ns()))
@@ -181,8 +190,13 @@ class Engine:
         if found and self._tap is not None:
             self._flush_heard(now_ns)
         if not self.framing.identifies and not self._flying and is_kept:
-            # More than was asked for: let the line fall silent, then look at what it was.
-            self._send_after_ns = now_ns + max(self._limits.quiet_ns, self._limits.pause_ns)
+            # More than was asked for: let the line fall silent, then look at what it was. A line that never falls
+            # silent must not hold a caller for ever: after one time-out the next request goes out all the same.
+            if self._noisy_since_ns is None:
+                self._noisy_since_ns = now_ns
+            latest_ns = self._noisy_since_ns + self._limits.timeout_ns
+            silent_ns = min(now_ns + max(self._limits.quiet_ns, self._limits.pause_ns), latest_ns)
+            self._send_after_ns = max(self._send_after_ns, silent_ns)
 
     def tick(self, now_ns: int) -> None:
         """Fail what has passed its deadline."""
@@ -194,7 +208,7 @@ class Engine:
                 self._expired.add(tag)
                 self._fail(job, self._timeout_error(job, 0))
             else:
-                heard = self.framing.drain()
+                heard = len(self.framing.drain())
                 self._figures.garbage_bytes = self.framing.garbage_bytes
                 self._alignment.missed(job.request.unit, job.shape.head, now_ns)
                 self._send_after_ns = now_ns + self._limits.quiet_ns
@@ -230,15 +244,24 @@ class Engine:
                 job, kind(f"{self._target}: {message}, before an answer to: {describe(job.request)}{fate}", hint=hint)
             )
 
-    def _provable(self, now_ns: int) -> _Job:
-        """Return the queue's head, or the alignment probe that must come before it."""
-        if self.framing.drain() >= STRAY_FRAME_SIZE_MIN:
+    def _provable(self, now_ns: int) -> _Job | None:
+        """Return the queue's head, or the alignment probe that must come before it; None when the head has failed."""
+        stray = self.framing.drain()
+        # Only a probe's own reply may come twice without harm: nothing else has its shape.
+        if len(stray) >= STRAY_FRAME_SIZE_MIN and stray != self._probe_frame:
             self._alignment.doubt_all()
         self._flush_heard(now_ns)
         self._figures.garbage_bytes = self.framing.garbage_bytes
         request = self._queue[0].request
         if self._alignment.since_ns(request.unit) is not None:
+            self._probes = 0
             return self._queue.popleft()
+        if self._probes >= PROBES_MAX:
+            self._probes = 0
+            message = f"{self._target}: frames that nobody asked for keep coming, cannot {describe(request)}"
+            self._fail(self._queue.popleft(), FrameError(message, hint="is a second master on this line?"))
+            return None
+        self._probes += 1
         probe = self._alignment.probe(request, now_ns)
         return _Job(probe, encode_request(probe), None)
 
@@ -263,13 +286,14 @@ class Engine:
         try:
             values = decode_reply(request, job.shape, adu.pdu)
         except (PlcRefusedError, FrameError) as error:
-            self._refused(job, error, now_ns)
+            self._refused(job, adu, error, now_ns)
             return
         self.replies_on_connection += 1
         aligned_ns = self._connected_ns
         if not self.framing.identifies:
+            self._probe_frame = b""
             if job.waiter is None:
-                self._alignment.proven(request.unit, now_ns)
+                self._prove(job, adu, now_ns)
                 return
             self._alignment.answered(request)
             aligned_ns = self._alignment.since_ns(request.unit) or now_ns
@@ -278,12 +302,17 @@ class Engine:
         if waiter is not None and not waiter.done():
             waiter.set_result(Reply(request, values, job.sent_ns, first_ns, now_ns, aligned_ns))
 
-    def _refused(self, job: _Job, error: PlcRefusedError | FrameError, now_ns: int) -> None:
+    def _prove(self, job: _Job, adu: Adu, now_ns: int) -> None:
+        self._alignment.proven(job.request.unit, now_ns)
+        self._probe_frame = self.framing.wrap(0, adu.unit, adu.pdu)
+
+    def _refused(self, job: _Job, adu: Adu, error: PlcRefusedError | FrameError, now_ns: int) -> None:
         if isinstance(error, PlcRefusedError):
             self.replies_on_connection += 1
-            self._figures.refused += 1
-            if job.waiter is None and self._alignment.refusal_proves(job.request.unit, job.shape.function):
-                self._alignment.proven(job.request.unit, now_ns)
+            if job.waiter is not None:
+                self._figures.refused += 1
+            elif self._alignment.refusal_proves(job.request.unit, job.shape.function):
+                self._prove(job, adu, now_ns)
                 return
         if job.waiter is None:
             self._alignment.missed(job.request.unit, job.shape.head, now_ns)
@@ -310,6 +339,7 @@ class Engine:
         waiter = job.waiter
         if waiter is None and self._queue:
             waiter = self._queue.popleft().waiter  # a probe fails the request for which it went out
+            self._probes = 0
         if waiter is not None and not waiter.done():
             waiter.set_exception(error)
 

@@ -56,8 +56,8 @@ class Framing(Protocol):
             FrameError: The stream cannot be read on; the connection must be closed.
         """
 
-    def drain(self) -> int:
-        """Drop what is kept and return how many bytes that were."""
+    def drain(self) -> bytes:
+        """Drop what is kept and return it."""
 
 
 class Mbap:
@@ -108,8 +108,8 @@ class Mbap:
         del rest[:start]
         return found
 
-    def drain(self) -> int:
-        size = len(self._rest)
+    def drain(self) -> bytes:
+        dropped = bytes(self._rest)
         self._rest.clear()
-        self.garbage_bytes += size
-        return size
+        self.garbage_bytes += len(dropped)
+        return dropped

@@ -40,6 +40,7 @@ class _Wire(asyncio.BufferedProtocol):
         self._received = received
         self._gone = gone
         self.closed = asyncio.Event()
+        self.is_adopted = False
 
     def get_buffer(self, sizehint: int) -> memoryview:
         return self._view
@@ -167,6 +168,7 @@ class TcpLink:
         _set_up(transport.get_extra_info("socket"))
         if wire.closed.is_set():
             return
+        wire.is_adopted = True
         self._wire, self._transport = wire, transport
         self.figures.reconnects += self._connections > 0
         self._connections += 1
@@ -209,9 +211,9 @@ class TcpLink:
             self._pump()
 
     def _lost(self, wire: _Wire, error: Exception | None) -> None:
+        if not wire.is_adopted:
+            self._note_outage("the connection was closed as soon as it was made")
         if wire is not self._wire:
-            if self._transport is None and self._wire is None:
-                self._note_outage("the connection was closed as soon as it was made")
             return
         what = f"the connection went away ({error})" if error else "the other side closed the connection"
         self._drop(what, None if self._engine.replies_on_connection else _FULL_HINT)
@@ -233,7 +235,10 @@ class TcpLink:
         if not self._is_out:
             self.figures.first_cause = what
             self._is_out = True
-        self._backoff_ns = min(BACKOFF_MAX_NS, max(BACKOFF_MIN_NS, 2 * self._backoff_ns))
+        # A connection that has worked is tried again at once, any other ever more slowly.
+        worked = self._engine.replies_on_connection > 0
+        self._engine.replies_on_connection = 0
+        self._backoff_ns = 0 if worked else min(BACKOFF_MAX_NS, max(BACKOFF_MIN_NS, 2 * self._backoff_ns))
         self._retry_ns = self._clock.now_ns() + self._backoff_ns
 
 

@@ -1,0 +1,77 @@
+"""Turn tapped frames into lines for people: time, direction, bytes, meaning."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from datetime import UTC, datetime
+
+from ahgateway.codec.access import Read, Request
+from ahgateway.errors import AhGatewayError, FrameError, PlcRefusedError
+from ahgateway.transports.base import Frame
+from ahgateway.transports.framing import Adu, Framing
+from ahgateway.transports.pdu import EXCEPTIONS, decode_reply, decode_request, describe, reply_shape
+
+VALUES_SHOWN_MAX = 8
+
+
+class Tracer:
+    """Decodes the frames of one link; replies are read with the request that they answer.
+
+    Args:
+        framing: Makes a framing like the link's, for requests and for replies each their own.
+    """
+
+    def __init__(self, asked: Callable[[], Framing], answered: Callable[[], Framing] | None = None) -> None:
+        self._out = asked()
+        self._in = (answered or asked)()
+        self._asked: dict[int, tuple[Request, bytes]] = {}
+
+    def line(self, frame: Frame) -> str:
+        """Return one line: `12:00:00.000123 > 00 01 …  read 40 holding registers from 0x0000 of unit 1`."""
+        return f"{_stamp(frame.utc_ns)} {frame.direction} {frame.data.hex(' ')}  {self._meaning(frame)}"
+
+    def _meaning(self, frame: Frame) -> str:
+        framing = self._out if frame.direction == ">" else self._in
+        try:
+            adus = framing.feed(frame.data)
+        except FrameError as error:
+            framing.drain()
+            return f"no frame: {error.message}"
+        rest = len(framing.drain())
+        said = [self._request(adu) if frame.direction == ">" else self._reply(adu) for adu in adus]
+        if rest:
+            said.append(f"{rest} bytes of no frame")
+        return "; ".join(said)
+
+    def _request(self, adu: Adu) -> str:
+        try:
+            request = decode_request(adu.unit, adu.pdu)
+        except PlcRefusedError as error:
+            return error.message
+        self._asked[adu.tag] = (request, adu.pdu)
+        shape = reply_shape(request, adu.pdu)
+        self._in.expect(adu.unit, shape.head, shape.size)
+        values = "" if isinstance(request, Read) else f": {_values(request, request.values)}"
+        return describe(request) + values
+
+    def _reply(self, adu: Adu) -> str:
+        if adu.tag not in self._asked:
+            return f"unit {adu.unit}: answer to nothing that was asked"
+        request, pdu = self._asked.pop(adu.tag)
+        try:
+            values = decode_reply(request, reply_shape(request, pdu), adu.pdu)
+        except PlcRefusedError as error:
+            return f"unit {adu.unit}: exception {error.code:02d}, {EXCEPTIONS.get(error.code, ('unknown',))[0]}"
+        except AhGatewayError as error:
+            return error.message
+        return f"unit {adu.unit}: {_values(request, values)}" if values else f"unit {adu.unit}: done"
+
+
+def _values(request: Request, values: tuple[int, ...]) -> str:
+    shown = " ".join(str(v) if request.table.is_bits else f"{v:04X}" for v in values[:VALUES_SHOWN_MAX])
+    return shown if len(values) <= VALUES_SHOWN_MAX else f"{shown} … ({len(values)} values)"
+
+
+def _stamp(utc_ns: int) -> str:
+    seconds, rest_ns = divmod(utc_ns, 1_000_000_000)
+    return f"{datetime.fromtimestamp(seconds, UTC):%H:%M:%S}.{rest_ns // 1000:06d}"

@@ -1,0 +1,109 @@
+"""The other end of a link in tests: a tiny PLC, and a peer that answers what a script says."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+
+from ahgateway.codec.access import Read, Request, Table
+from ahgateway.errors import PlcRefusedError
+from ahgateway.transports.ascii import AsciiReplies, AsciiRequests
+from ahgateway.transports.framing import Framing, Mbap
+from ahgateway.transports.pdu import decode_request, encode_reply
+from ahgateway.transports.rtu import RtuReplies, RtuRequests
+
+CLIENT: dict[str, type[Framing]] = {"tcp": Mbap, "rtu": RtuReplies, "ascii": AsciiReplies}
+SERVER: dict[str, type[Framing]] = {"tcp": Mbap, "rtu": RtuRequests, "ascii": AsciiRequests}
+
+
+class TinyPlc:
+    """Unit 1 with 1000 addresses in each table; 900 and above are refused with exception 02, a write to 899 is busy."""
+
+    def __init__(self) -> None:
+        self.memory: dict[Table, list[int]] = {table: [0] * 1000 for table in Table}
+        self.memory[Table.DISCRETE] = [address % 3 == 0 for address in range(1000)]
+        self.memory[Table.INPUT] = [address * 7 for address in range(1000)]
+        self.seen: list[Request] = []
+
+    def answer(self, request: Request) -> tuple[int, ...] | None:
+        if request.unit != 1:
+            return None
+        self.seen.append(request)
+        cells = self.memory[request.table]
+        count = request.count if isinstance(request, Read) else len(request.values)
+        if request.address + count > 900:
+            raise PlcRefusedError("outside", code=2)
+        if isinstance(request, Read):
+            return tuple(int(cell) for cell in cells[request.address : request.address + count])
+        if request.address == 899:
+            raise PlcRefusedError("busy", code=6)
+        cells[request.address : request.address + count] = list(request.values)
+        return ()
+
+
+Answer = Callable[["Peer", int, Request, bytes], Awaitable[bytes | None]]
+
+
+class Peer:
+    """A TCP server whose every answer is written by a test.
+
+    Attributes:
+        asked: Requests seen, alignment probes among them.
+        connections: How many were accepted.
+    """
+
+    def __init__(self, wire: str, answer: Answer) -> None:
+        self.asked: list[Request] = []
+        self.connections = 0
+        self.port = 0
+        self._wire = wire
+        self._answer = answer
+        self._writers: list[asyncio.StreamWriter] = []
+        self._server: asyncio.Server | None = None
+
+    async def __aenter__(self) -> Peer:
+        self._server = await asyncio.start_server(self._serve, "127.0.0.1", 0)
+        self.port = self._server.sockets[0].getsockname()[1]
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        assert self._server is not None
+        self._server.close()
+        self.cut()
+        await self._server.wait_closed()
+
+    def cut(self) -> None:
+        """Reset every connection."""
+        for writer in self._writers:
+            writer.transport.abort()
+        self._writers.clear()
+
+    async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self.connections += 1
+        self._writers.append(writer)
+        framing = SERVER[self._wire]()
+        try:
+            while piece := await reader.read(4096):
+                for adu in framing.feed(piece):
+                    request = decode_request(adu.unit, adu.pdu)
+                    self.asked.append(request)
+                    sound = framing.wrap(adu.tag, adu.unit, sound_pdu(request, adu.pdu))
+                    answer = await self._answer(self, len(self.asked), request, sound)
+                    if answer:
+                        writer.write(answer)
+        except ConnectionError:
+            pass
+        finally:
+            writer.transport.abort()
+
+
+def sound_pdu(request: Request, pdu: bytes) -> bytes:
+    """Answer a read with each cell's own address, so that a foreign answer shows."""
+    count = request.count if isinstance(request, Read) else 0
+    values = [(request.address + index) % (2 if request.table.is_bits else 0x10000) for index in range(count)]
+    return encode_reply(request, pdu, values)
+
+
+def addresses(request: Read) -> tuple[int, ...]:
+    """What `sound_pdu` answers to a read of words."""
+    return tuple(range(request.address, request.address + request.count))

@@ -1,0 +1,405 @@
+"""Everything that goes wrong on a wire: late, foreign, cut, torn and no replies, lost connections, garbage."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+
+import pytest
+from conformance.peers import CLIENT, Peer, addresses
+
+from ahgateway.clock import MILLISECOND, WallClock
+from ahgateway.codec.access import Read, Request, Table, Write
+from ahgateway.codec.station import Pacing
+from ahgateway.errors import AhGatewayError, FrameError, LinkError, ReplyTimeoutError, TransportError
+from ahgateway.transports.base import Reply
+from ahgateway.transports.tcp import TcpLink
+
+TEN = Read(1, Table.HOLDING, 10, 2)
+FIVE_HUNDRED = Read(1, Table.HOLDING, 500, 2)
+SEVEN_HUNDRED = Read(1, Table.HOLDING, 700, 2)
+SIX = Read(1, Table.HOLDING, 500, 6)
+WRITE = Write(1, Table.HOLDING, 40, (1, 2))
+TIMEOUT_MS = 50
+
+all_wires = pytest.mark.parametrize("wire", ["tcp", "rtu", "ascii"])
+unnumbered_wires = pytest.mark.parametrize("wire", ["rtu", "ascii"])
+
+
+def open_link(peer: Peer, wire: str, **pacing: int) -> TcpLink:
+    return TcpLink(
+        "127.0.0.1",
+        peer.port,
+        clock=WallClock(),
+        pacing=Pacing(**{"reply_timeout_ms": TIMEOUT_MS, **pacing}),
+        framing=CLIENT[wire],
+        quiet_ns=2 * MILLISECOND,
+    )
+
+
+async def honest(peer: Peer, number: int, request: Request, sound: bytes) -> bytes:
+    return sound
+
+
+def is_probe(request: Request) -> bool:
+    return request not in (TEN, FIVE_HUNDRED, SEVEN_HUNDRED, SIX, WRITE)
+
+
+async def first_reply(link: TcpLink) -> Reply:
+    """Ask until the link is back; it paces itself."""
+    for _ in range(20):
+        try:
+            return await link.exchange(TEN)
+        except AhGatewayError:
+            continue
+    raise AssertionError("the link did not come back")
+
+
+@all_wires
+@pytest.mark.parametrize("later", [FIVE_HUNDRED, SIX, WRITE])
+@pytest.mark.parametrize("first", [TEN, WRITE])
+async def test_a_late_reply_is_never_the_answer_to_a_later_request(wire: str, first: Request, later: Request) -> None:
+    """The table of spec field §0: the usual library returns the values of 10 and 11 for 500 and 501."""
+    held: list[bytes] = []
+
+    async def late(peer: Peer, number: int, request: Request, sound: bytes) -> bytes | None:
+        if request == first and not held:
+            held.append(sound)
+            return None
+        if held and held[0]:
+            sound, held[0] = held[0] + sound, b""
+        return sound
+
+    async with Peer(wire, late) as peer:
+        link = open_link(peer, wire)
+        with pytest.raises(ReplyTimeoutError):
+            await link.exchange(first)
+        for request in (later, SEVEN_HUNDRED):
+            reply = await link.exchange(request)
+            assert reply.values == (addresses(request) if isinstance(request, Read) else ())
+        assert link.figures.timeouts == 1
+        await link.close()
+
+
+@unnumbered_wires
+async def test_a_stream_that_stays_one_reply_behind_is_never_believed(wire: str) -> None:
+    """A unit that answers each request only when the next one comes: no value may pass, ever."""
+    held: list[bytes] = []
+
+    async def one_behind(peer: Peer, number: int, request: Request, sound: bytes) -> bytes | None:
+        held.append(sound)
+        return held[-2] if len(held) > 1 else None
+
+    async with Peer(wire, one_behind) as peer:
+        link = open_link(peer, wire, reply_timeout_ms=15)
+        for _ in range(12):
+            for request in (TEN, FIVE_HUNDRED):
+                with pytest.raises(TransportError):
+                    await link.exchange(request)
+        assert link.figures.replies == 0
+        await link.close()
+
+
+@unnumbered_wires
+async def test_after_a_timeout_nothing_is_sent_before_the_probe_is_answered(wire: str) -> None:
+    async def second_is_lost(peer: Peer, number: int, request: Request, sound: bytes) -> bytes | None:
+        return None if number == 3 else sound
+
+    async with Peer(wire, second_is_lost) as peer:
+        link = open_link(peer, wire)
+        before = await link.exchange(TEN)
+        with pytest.raises(ReplyTimeoutError):
+            await link.exchange(WRITE)
+        after = await link.exchange(WRITE)
+        assert after.aligned_since_ns > before.aligned_since_ns
+        assert [True, False, False, True, False] == [is_probe(request) for request in peer.asked]
+        assert peer.asked.count(WRITE) == 2, "once for each call: no write is repeated by the link"
+        await link.close()
+
+
+@all_wires
+async def test_a_reply_in_single_bytes_is_one_reply(wire: str) -> None:
+    async def dribble(peer: Peer, number: int, request: Request, sound: bytes) -> None:
+        for byte in sound:
+            peer._writers[0].write(bytes((byte,)))
+            await asyncio.sleep(0)
+
+    async with Peer(wire, dribble) as peer:
+        link = open_link(peer, wire)
+        assert addresses(SIX) == (await link.exchange(SIX)).values
+        await link.close()
+
+
+@all_wires
+async def test_a_connection_closed_in_the_middle_fails_all_at_once_and_is_made_again(wire: str) -> None:
+    async def cut_once(peer: Peer, number: int, request: Request, sound: bytes) -> bytes | None:
+        if peer.connections == 1 and not is_probe(request):
+            peer._writers[0].write(sound[:5])
+            await asyncio.sleep(0)
+            peer.cut()
+            return None
+        return sound
+
+    async with Peer(wire, cut_once) as peer:
+        link = open_link(peer, wire, reply_timeout_ms=2000)
+        started = time.monotonic()
+        outcomes = await asyncio.gather(
+            *(link.exchange(TEN) for _ in range(3)), link.exchange(WRITE), return_exceptions=True
+        )
+        assert time.monotonic() - started < 1
+        assert all(isinstance(outcome, LinkError) for outcome in outcomes)
+        assert "it was not sent" in str(outcomes[3])
+        assert addresses(TEN) == (await link.exchange(TEN)).values
+        assert link.figures.reconnects == 1
+        assert link.figures.first_cause
+        await link.close()
+
+
+@all_wires
+async def test_the_deadline_is_kept_when_nothing_comes(wire: str) -> None:
+    async def silent(peer: Peer, number: int, request: Request, sound: bytes) -> bytes | None:
+        return sound if is_probe(request) else None
+
+    async with Peer(wire, silent) as peer:
+        link = open_link(peer, wire)
+        started = time.monotonic()
+        with pytest.raises(ReplyTimeoutError, match=f"no reply within {TIMEOUT_MS} ms to: read 2 holding registers"):
+            await link.exchange(TEN)
+        took = time.monotonic() - started
+        assert TIMEOUT_MS / 1000 <= took < TIMEOUT_MS / 1000 + 0.2
+        await link.close()
+
+
+@all_wires
+async def test_a_peer_that_never_answers_is_connected_anew(wire: str) -> None:
+    async def deaf_at_first(peer: Peer, number: int, request: Request, sound: bytes) -> bytes | None:
+        return sound if peer.connections > 1 else None
+
+    async with Peer(wire, deaf_at_first) as peer:
+        link = open_link(peer, wire, reply_timeout_ms=15)
+        for _ in range(3):
+            with pytest.raises(ReplyTimeoutError):
+                await link.exchange(TEN)
+        with pytest.raises(LinkError, match=r"next attempt in .*; first cause: 3 requests in a row"):
+            await link.exchange(TEN)
+        reply = await first_reply(link)
+        assert addresses(TEN) == reply.values
+        assert peer.connections == 2
+        await link.close()
+
+
+@all_wires
+@pytest.mark.parametrize("place", ["function", "count", "unit", "cut"])
+async def test_a_reply_that_does_not_fit_is_an_error_and_the_link_recovers(wire: str, place: str) -> None:
+    framing = CLIENT[wire]()
+
+    async def wrong_once(peer: Peer, number: int, request: Request, sound: bytes) -> bytes | None:
+        if is_probe(request) or peer.asked.count(TEN) > 1:
+            return sound
+        if place == "cut":
+            return sound[:-3]
+        unit, pdu = 1, bytes.fromhex("03 04 000A 000B")
+        if place == "function":
+            pdu = bytes.fromhex("04 04 000A 000B")
+        elif place == "count":
+            pdu = bytes.fromhex("03 06 000A 000B 000C")
+        else:
+            unit = 2
+        tag = int.from_bytes(sound[:2], "big")
+        return framing.wrap(tag, unit, pdu)
+
+    async with Peer(wire, wrong_once) as peer:
+        link = open_link(peer, wire)
+        with pytest.raises((FrameError, ReplyTimeoutError)):
+            await link.exchange(TEN)
+        if place == "cut" and wire == "tcp":
+            await link.close()  # a numbered stream that was cut never comes back to its beat by itself
+            return
+        assert addresses(TEN) == (await link.exchange(TEN)).values
+        await link.close()
+
+
+@unnumbered_wires
+@pytest.mark.parametrize("noise", [b"\x00", b"\xff\x01\x03", b"\x01\x03\x04", b":01", b"\x01\x83\x02", bytes(200)])
+async def test_a_good_reply_behind_noise_is_delivered(wire: str, noise: bytes) -> None:
+    async def noisy(peer: Peer, number: int, request: Request, sound: bytes) -> bytes:
+        return noise + sound
+
+    async with Peer(wire, noisy) as peer:
+        link = open_link(peer, wire)
+        for _ in range(5):
+            assert addresses(TEN) == (await link.exchange(TEN)).values
+        assert link.figures.timeouts == 0
+        await link.close()
+
+
+@unnumbered_wires
+async def test_a_second_reply_behind_the_first_is_not_kept_for_the_next_request(wire: str) -> None:
+    async def twice(peer: Peer, number: int, request: Request, sound: bytes) -> bytes:
+        return sound + sound
+
+    async with Peer(wire, twice) as peer:
+        link = open_link(peer, wire)
+        for request in (TEN, FIVE_HUNDRED, SEVEN_HUNDRED):
+            assert addresses(request) == (await link.exchange(request)).values
+        assert [is_probe(request) for request in peer.asked] == [True, False] * 3, (
+            "a whole stray frame puts it in doubt"
+        )
+        await link.close()
+
+
+@unnumbered_wires
+async def test_a_line_that_never_falls_silent_holds_nobody_beyond_its_deadlines(wire: str) -> None:
+    async def chatter(peer: Peer, number: int, request: Request, sound: bytes) -> bytes:
+        async def speak() -> None:
+            for _ in range(400):
+                peer._writers[0].write(b"\x01\x03\x04\x00\x0a\x00\x0b")
+                await asyncio.sleep(0.001)
+
+        if number == 2:
+            chatters.append(asyncio.create_task(speak()))
+        return sound
+
+    chatters: list[asyncio.Task[None]] = []
+    async with Peer(wire, chatter) as peer:
+        link = open_link(peer, wire, reply_timeout_ms=20)
+        await link.exchange(TEN)
+        for request in (FIVE_HUNDRED, SEVEN_HUNDRED):
+            started = time.monotonic()
+            outcome = (await asyncio.gather(link.exchange(request), return_exceptions=True))[0]
+            assert time.monotonic() - started < 0.2
+            assert isinstance(outcome, TransportError) or outcome.values == addresses(request)
+        await link.close()
+        chatters[0].cancel()
+
+
+@all_wires
+async def test_a_flood_of_garbage_ends_in_an_error_with_a_small_buffer(wire: str) -> None:
+    async def flood(peer: Peer, number: int, request: Request, sound: bytes) -> bytes:
+        return b"\x55\xaa\x03:" * 60_000
+
+    async with Peer(wire, flood) as peer:
+        link = open_link(peer, wire, reply_timeout_ms=150)
+        with pytest.raises((FrameError, ReplyTimeoutError)):
+            await link.exchange(TEN)
+        assert link._engine.framing.kept < 2048
+        assert link.figures.garbage_bytes >= 8192
+        await link.close()
+
+
+async def test_text_on_a_modbus_port_closes_the_connection_and_says_what_came() -> None:
+    async def web_server(peer: Peer, number: int, request: Request, sound: bytes) -> bytes:
+        return b"HTTP/1.1 400 Bad Request\r\n\r\n"
+
+    async with Peer("tcp", web_server) as peer:
+        link = open_link(peer, "tcp")
+        with pytest.raises(FrameError, match="48 54 54 50") as caught:
+            await link.exchange(TEN)
+        assert "converter" in (caught.value.hint or "")
+        await link.close()
+
+
+async def test_the_window_is_filled_and_answers_may_come_in_any_order() -> None:
+    waiting: list[bytes] = []
+
+    async def backwards(peer: Peer, number: int, request: Request, sound: bytes) -> bytes | None:
+        waiting.append(sound)
+        if len(waiting) < 4:
+            return None
+        answer = b"".join(reversed(waiting))
+        waiting.clear()
+        return answer
+
+    async with Peer("tcp", backwards) as peer:
+        link = open_link(peer, "tcp", requests_in_flight_max=4)
+        asked = [Read(1, Table.HOLDING, address, 2) for address in range(8)]
+        replies = await asyncio.gather(*(link.exchange(request) for request in asked))
+        assert [(address, address + 1) for address in range(8)] == [reply.values for reply in replies]
+        await link.close()
+
+
+async def test_one_request_is_in_flight_unless_more_are_allowed() -> None:
+    most = 0
+
+    async def count(peer: Peer, number: int, request: Request, sound: bytes) -> bytes:
+        nonlocal most
+        most = max(most, number - answered[0])
+        await asyncio.sleep(0.001)
+        answered[0] += 1
+        return sound
+
+    answered = [0]
+    async with Peer("tcp", count) as peer:
+        link = open_link(peer, "tcp")
+        await asyncio.gather(*(link.exchange(TEN) for _ in range(8)))
+        assert most == 1
+        await link.close()
+
+
+@all_wires
+async def test_a_caller_that_goes_away_leaves_no_answer_behind(wire: str) -> None:
+    async def slow(peer: Peer, number: int, request: Request, sound: bytes) -> bytes:
+        await asyncio.sleep(0.01)
+        return sound
+
+    async with Peer(wire, slow) as peer:
+        link = open_link(peer, wire)
+        await link.exchange(SEVEN_HUNDRED)
+        task = asyncio.create_task(link.exchange(TEN))
+        await asyncio.sleep(0.002)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        assert addresses(FIVE_HUNDRED) == (await link.exchange(FIVE_HUNDRED)).values
+        await link.close()
+
+
+async def test_pauses_are_kept() -> None:
+    async with Peer("tcp", honest) as peer:
+        link = open_link(peer, "tcp", pause_after_connect_ms=20, pause_between_requests_ms=10)
+        started = time.monotonic()
+        first = await link.exchange(TEN)
+        second = await link.exchange(TEN)
+        assert first.sent_ns / 1e9 - started >= 0.02
+        assert second.sent_ns - first.last_ns >= 10 * MILLISECOND
+        await link.close()
+
+
+async def test_nothing_listening_is_named_with_a_hint_and_the_first_cause_is_kept() -> None:
+    async with Peer("tcp", honest) as peer:
+        port = peer.port
+    link = TcpLink("127.0.0.1", port, clock=WallClock(), pacing=Pacing(reply_timeout_ms=20))
+    for _ in range(3):
+        with pytest.raises(LinkError, match=f"127.0.0.1:{port}") as caught:
+            await link.exchange(TEN)
+    assert isinstance(caught.value, ConnectionError)
+    assert link.figures.first_cause == "connection refused"
+    await link.close()
+
+
+async def test_the_link_is_back_when_its_peer_is() -> None:
+    async with Peer("tcp", honest) as peer:
+        port = peer.port
+        link = open_link(peer, "tcp", reply_timeout_ms=200)
+        await link.exchange(TEN)
+    with pytest.raises(LinkError):
+        await link.exchange(TEN)
+    server = await asyncio.start_server(lambda r, w: Peer("tcp", honest)._serve(r, w), "127.0.0.1", port)
+    reply = await first_reply(link)
+    assert addresses(TEN) == reply.values
+    await link.close()
+    server.close()
+    await server.wait_closed()
+
+
+async def test_closing_wakes_everybody_who_waits() -> None:
+    async def silent(peer: Peer, number: int, request: Request, sound: bytes) -> None:
+        return None
+
+    async with Peer("tcp", silent) as peer:
+        link = open_link(peer, "tcp", reply_timeout_ms=5000)
+        tasks = [asyncio.create_task(link.exchange(TEN)) for _ in range(3)]
+        await asyncio.sleep(0.01)
+        await link.close()
+        outcomes = await asyncio.gather(*tasks, return_exceptions=True)
+        assert all(isinstance(outcome, LinkError) and "closed by us" in str(outcome) for outcome in outcomes)
