@@ -17,13 +17,17 @@ from ahgateway.core.dialect import AXES
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL, quiet, same_bits, ulp_distance
 from ahgateway.lockstep.picture import Picture, predicted
-from ahgateway.lockstep.shadow import Fit, Shadow, judged_names, same_words
+from ahgateway.lockstep.shadow import Fit, judged_names, same_words
 
 RATIO_MIN, RATIO_MAX = 0.2, 5.0
 """A gain that would have to be wrong by more than this explains nothing."""
 
 ULP_SLACK = 16
 """How far a fitted gain may miss, in ULP of the larger of MV and its terms: the fit itself is rounded."""
+
+
+RATIO_SPREAD = 2e-3
+"""Estimates of one cause from two executions agree within this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +99,7 @@ class _Case:
         return same_words(self.names, words, self.seen)
 
 
-def blame(loop: Loop, shadow: Shadow, fit: Fit, before: Picture, after: Picture) -> Blame:
+def blame(loop: Loop, fit: Fit, before: Picture, after: Picture) -> Blame:
     """Say which term left first, and what reproduces what the PLC wrote."""
     case = _Case(loop, fit, before, after, judged_names(loop))
     suspects = [suspect for hypothesis in HYPOTHESES for suspect in hypothesis(case)]
@@ -103,6 +107,21 @@ def blame(loop: Loop, shadow: Shadow, fit: Fit, before: Picture, after: Picture)
         suspects = [Suspect("unknown", "no single change of an operand, mode or dialect reproduces what the PLC wrote")]
     term, plc, ref = _first_term(case, suspects[0])
     return Blame(term, plc, ref, tuple(suspects))
+
+
+def agreeing(known: tuple[Suspect, ...], fresh: tuple[Suspect, ...]) -> tuple[Suspect, ...]:
+    """Keep the fresh suspects that the known ones name too, with the same size; all of them when none are known."""
+    if not known:
+        return fresh
+    return tuple(
+        suspect
+        for suspect in fresh
+        if any(
+            (suspect.cause, suspect.operand) == (other.cause, other.operand)
+            and abs(suspect.ratio - other.ratio) <= RATIO_SPREAD * max(suspect.ratio, other.ratio)
+            for other in known
+        )
+    )
 
 
 def _first_term(case: _Case, suspect: Suspect) -> tuple[str, REAL, REAL]:

@@ -20,7 +20,7 @@ from ahgateway.clock import MILLISECOND, SECOND
 from ahgateway.codec.station import Loop
 from ahgateway.core.real import same_bits
 from ahgateway.core.verdict import Counts, Verdict
-from ahgateway.lockstep.causes import Suspect
+from ahgateway.lockstep.causes import Suspect, agreeing
 from ahgateway.lockstep.judge import Execution, judge
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import (
@@ -41,9 +41,6 @@ STALL_CYCLES = 3
 
 WRITABLE = frozenset({"MOUT", "I_MV"})
 """Seen words that the manual lets people write: a change of these alone need not be an execution."""
-
-RATIO_SPREAD = 2e-3
-"""Estimates of one cause from two executions agree within this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +149,7 @@ class Follower:
 
     def _execution(self, before: Picture, after: Picture) -> Execution:
         possible = max(1, self._executions_max(before, after))
-        execution, self._shadow = judge(self.loop, self._shadow, before, after, possible)
+        execution, self._shadow = judge(self.loop, self._shadow, before, after, possible, self.suspects)
         self._earliest_ns = before.sent_ns
         self._quiet_since_ns = after.last_ns
         for _ in range(execution.count):
@@ -161,7 +158,9 @@ class Follower:
         if execution.blame is not None:
             if self.first_diverged is None:
                 self.first_diverged = (after, execution)
-            self.suspects = thinned(self.suspects, execution.blame.suspects)
+            self.suspects = (
+                agreeing(self.suspects, execution.blame.suspects) or self.suspects or execution.blame.suspects
+            )
         return execution
 
     def _nothing_changed(self, before: Picture, after: Picture) -> list[Finding]:
@@ -276,22 +275,6 @@ def is_executing(picture: Picture) -> bool:
 def cycle_ns(loop: Loop, picture: Picture) -> int:
     """The configured sampling time in ns, at least 1 µs."""
     return max(1000, round(float(loop.controller.nominal_ts(picture.inputs)) * SECOND))
-
-
-def thinned(known: tuple[Suspect, ...], fresh: tuple[Suspect, ...]) -> tuple[Suspect, ...]:
-    """Keep the causes that explain both; the newest alone when nothing explains all."""
-    if not known:
-        return fresh
-    kept = tuple(
-        suspect
-        for suspect in fresh
-        if any(
-            (suspect.cause, suspect.operand) == (other.cause, other.operand)
-            and abs(suspect.ratio - other.ratio) <= RATIO_SPREAD * max(suspect.ratio, other.ratio)
-            for other in known
-        )
-    )
-    return kept or known
 
 
 def verdict_now(follower: Follower) -> Verdict | None:

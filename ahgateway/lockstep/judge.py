@@ -7,7 +7,7 @@ not know when executions are due, nor why one differs (`causes`).
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from ahgateway.codec.station import Loop
@@ -15,7 +15,7 @@ from ahgateway.core import flags as flag
 from ahgateway.core.compare import compare, weakest
 from ahgateway.core.real import REAL, same_bits
 from ahgateway.core.verdict import Proof, Verdict, Weight
-from ahgateway.lockstep.causes import Blame, blame
+from ahgateway.lockstep.causes import Blame, Suspect, agreeing, blame
 from ahgateway.lockstep.picture import Picture, predicted
 from ahgateway.lockstep.shadow import (
     Bound,
@@ -63,7 +63,14 @@ class Execution:
     written: tuple[str, ...] = field(default=())
 
 
-def judge(loop: Loop, shadow: Shadow, before: Picture, after: Picture, executions_max: int) -> tuple[Execution, Shadow]:
+def judge(
+    loop: Loop,
+    shadow: Shadow,
+    before: Picture,
+    after: Picture,
+    executions_max: int,
+    suspects: tuple[Suspect, ...] = (),
+) -> tuple[Execution, Shadow]:
     """Judge the execution between two pictures whose words differ.
 
     Args:
@@ -72,6 +79,7 @@ def judge(loop: Loop, shadow: Shadow, before: Picture, after: Picture, execution
         before: Picture before the execution.
         after: Picture behind it.
         executions_max: How many executions the time between the pictures allows, at least 1.
+        suspects: What this loop is already suspected of.
 
     Returns:
         The execution, and the shadow behind it.
@@ -88,6 +96,11 @@ def judge(loop: Loop, shadow: Shadow, before: Picture, after: Picture, execution
     variants = input_variants(loop, before, after)
     found = explain(loop, shadow, variants, after.seen, names)
     if found.fits:
+        again = None
+        if not found.is_decided and suspects and executions_max == 1:
+            again = _same_fault(loop, shadow, variants, before, after, suspects)
+        if again is not None:
+            return again[0], (*patched(loop, again[1], after.seen), *fresh)
         return _agreed(loop, found, names, before, after), merged(fit.after for fit in found.fits)
     overwritten = _overwritten_mout(loop, shadow, variants, before, after)
     if overwritten is not None:
@@ -99,16 +112,37 @@ def judge(loop: Loop, shadow: Shadow, before: Picture, after: Picture, execution
         reason = f"agrees by {proof.value} only; the tolerance of the profile allows it"
         weight = weigh(found.nearest.terms, names, before, after)
         execution = Execution(Verdict.MATCH, proof, weight, reason, found.nearest.terms, found.nearest.inputs)
-        return execution, merged([*patched(loop, found.nearest, after.seen), *fresh])
+        return execution, (*patched(loop, found.nearest, after.seen), *fresh)
     if executions_max > 1:
         return Execution(Verdict.UNOBSERVABLE, reason=SEVERAL, inputs=after.inputs, count=executions_max), fresh
     execution = Execution(
         Verdict.DIVERGED,
         terms=found.nearest.terms,
         inputs=found.nearest.inputs,
-        blame=blame(loop, shadow, found.nearest, before, after),
+        blame=blame(loop, found.nearest, before, after),
     )
-    return execution, merged([*patched(loop, found.nearest, after.seen), *fresh])
+    return execution, (*patched(loop, found.nearest, after.seen), *fresh)
+
+
+def _same_fault(
+    loop: Loop,
+    shadow: Shadow,
+    variants: list[Any],
+    before: Picture,
+    after: Picture,
+    suspects: tuple[Suspect, ...],
+) -> tuple[Execution, Fit] | None:
+    """Behind a divergence what is hidden is open and would excuse anything; the same cause of the same size is none."""
+    settled = tuple(bound for bound in shadow if bound.is_point)
+    found = explain(loop, settled, variants, after.seen, judged_names(loop))
+    if found.fits or found.nearest is None:
+        return None
+    blamed = blame(loop, found.nearest, before, after)
+    kept = agreeing(suspects, blamed.suspects)
+    if not kept:
+        return None
+    terms, inputs = found.nearest.terms, found.nearest.inputs
+    return Execution(Verdict.DIVERGED, terms=terms, inputs=inputs, blame=replace(blamed, suspects=kept)), found.nearest
 
 
 def _agreed(

@@ -95,14 +95,15 @@ def recalled(loop: Loop, inputs: Iterable[Any], seen: Mapping[str, REAL]) -> Sha
 
 
 def merged(bounds: Iterable[Bound]) -> Shadow:
-    """Join bounds that differ only in the open REAL into their hull; too many are no knowledge and give ()."""
+    """Join bounds that differ only in the open REAL into their hull; too many are no knowledge and give ().
+
+    A settled state is not lost in the hull of open ones: it may turn out to be the right one.
+    """
     hulls: dict[tuple[int, ...], Bound] = {}
     for bound in bounds:
         attr = open_attr(bound)
-        key = tuple(
-            0 if name == (attr or "d") else value
-            for name, value in zip(bound.low._fields, state_key(bound.low), strict=True)
-        )
+        settled = zip(bound.low._fields, state_key(bound.low), strict=True)
+        key = (int(attr is None), *(0 if name == (attr or "d") else value for name, value in settled))
         known = hulls.get(key)
         hulls[key] = bound if known is None else _hull(known, bound)
     return tuple(hulls.values()) if len(hulls) <= BOUNDS_MAX else ()

@@ -1,4 +1,4 @@
-"""The live table of a terminal: every loop with values, terms, verdict and coverage, drawn at most ten times a second."""
+"""The live table of a terminal: every loop with values, terms, verdict and coverage; at most ten redraws a second."""
 
 from __future__ import annotations
 
