@@ -142,7 +142,7 @@ def test_derivative_beyond_16_bits_is_held() -> None:
 
 
 def test_pv_change_beyond_16_bits_is_held_in_the_derivative() -> None:
-    """TD/TS = 1/1024·…: TS 1 s, TD 0.01 s; the change 65535 counts as 32767, D = −0.01·32767."""
+    """TS 1 s, TD 0.01 s: the change 65535 counts as 32767, D = −0.01·32767."""
     terms = run(P_ONLY | {"TD": 1, "KP": 1}, pvs(-32768, 32767))[1]
     assert terms.warnings & melsec_pid.WARN_PV_CHANGE
     assert bits(REAL(0.01) * REAL(-32767)) == bits(terms.d)
