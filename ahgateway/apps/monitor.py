@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 from ahgateway.clock import MILLISECOND, SECOND, Clock
 from ahgateway.codec.station import Loop, Station
-from ahgateway.core.verdict import Counts
+from ahgateway.core.verdict import Counts, Exit, run_outcome
 from ahgateway.errors import CodecError, PlcRefusedError, TransportError
 from ahgateway.lockstep.follow import Event, Finding, Follower, cycle_ns
 from ahgateway.lockstep.picture import Picture, Sampler
@@ -89,9 +89,9 @@ class Monitor:
         """Counts of every loop by name, unseen executions included."""
         return {watch.loop.name: watch.follower.summary() for watch in self.watches}
 
-    def total(self) -> Counts:
-        """The counts of all loops together."""
-        return sum(self.summaries().values(), Counts())
+    def outcome(self, coverage_min: float) -> Exit:
+        """What the run may claim so far."""
+        return run_outcome(self.summaries().values(), coverage_min)
 
     async def reports(
         self, *, duration_ns: int | None = None, stop: asyncio.Event | None = None
@@ -109,7 +109,7 @@ class Monitor:
         while not (stop is not None and stop.is_set()):
             now_ns = self._clock.now_ns()
             if end_ns is not None and now_ns >= end_ns:
-                return
+                break
             watch = min(self.watches, key=lambda each: each.due_ns)
             if watch.due_ns > now_ns:
                 wait_ns = watch.due_ns - now_ns
@@ -117,6 +117,8 @@ class Monitor:
                 continue
             for report in await self._turn(watch, patient=end_ns is not None):
                 yield report
+        if self._down_since_ns is not None:
+            self._count_lost()
 
     async def _turn(self, watch: Watch, *, patient: bool) -> list[Report]:
         """Take one picture of one loop and schedule the next."""
@@ -162,13 +164,17 @@ class Monitor:
     def _link_up(self) -> list[Report]:
         was_up, self.is_up = self.is_up, True
         if self._down_since_ns is not None:
-            for watch in self.watches:
-                last = watch.follower.picture
-                missed_ns = self._clock.now_ns() - (last.last_ns if last else self._clock.now_ns())
-                watch.follower.lost(missed_ns / cycle_ns(watch.loop, last) if last else 0.0)
+            self._count_lost()
         self._down_since_ns = None
         self._reported_down = False
         return [] if was_up else [Report(self._clock.utc_ns(), "", 0, LinkChange(True))]
+
+    def _count_lost(self) -> None:
+        """Count what each loop must have executed since its last picture as lost with the link."""
+        for watch in self.watches:
+            last = watch.follower.picture
+            if last is not None:
+                watch.follower.lost((self._clock.now_ns() - last.last_ns) / cycle_ns(watch.loop, last))
 
     def _refused(self, watch: Watch, error: PlcRefusedError | CodecError) -> list[Report]:
         """The PLC is there but refuses this loop's addresses: said once, asked again now and then."""

@@ -46,7 +46,6 @@ async def _monitor(station: Station, duration_s: float | None, output: Output, c
     from ahgateway.cli.interrupt import stop_event
     from ahgateway.cli.targets import open_target
     from ahgateway.clock import SECOND, WallClock
-    from ahgateway.core.verdict import outcome
 
     clock = WallClock()
     duration_ns = None if duration_s is None else round(duration_s * SECOND)
@@ -55,4 +54,4 @@ async def _monitor(station: Station, duration_s: float | None, output: Output, c
         with stop_event() as stop, View(watched, clock, output, coverage_min, station.name) as view:
             async for report in watched.reports(duration_ns=duration_ns, stop=stop):
                 view.show(report)
-    return int(outcome(watched.total(), coverage_min))
+    return int(watched.outcome(coverage_min))

@@ -9,6 +9,7 @@ compared nothing, or only executions which any controller would have passed, is 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 
@@ -112,6 +113,9 @@ class Counts:
         return Counts(*(getattr(self, field) + getattr(other, field) for field in self.__slots__))
 
 
+LINK_SHARE_MAX = 0.5
+"""A run that lost more than this share of its executions with the link cannot claim enough, whatever was asked."""
+
 _SLOT = {Verdict.DIVERGED: "diverged", Verdict.UNOBSERVABLE: "unobservable", Verdict.LINK: "link"}
 
 
@@ -129,6 +133,22 @@ def outcome(counts: Counts, coverage_min: float) -> Exit:
     return _argued(counts, coverage_min)[0]
 
 
+def run_outcome(loops: Iterable[Counts], coverage_min: float) -> Exit:
+    """Return what a run over several loops may claim: no more than its worst loop allows.
+
+    A loop of which nothing was compared makes the run inconclusive; one that only rested does not, as long as
+    another was informative.
+    """
+    each = tuple(loops)
+    total = sum(each, Counts())
+    if total.diverged:
+        return Exit.DIFFERENT
+    whole = outcome(total, coverage_min)
+    silent = any(not counts.compared for counts in each)
+    short = any(counts.coverage < coverage_min or counts.link > LINK_SHARE_MAX * counts.total for counts in each)
+    return Exit.INCONCLUSIVE if silent or short else whole
+
+
 def reason(counts: Counts, coverage_min: float) -> str:
     """Return why `outcome` says what it says, as one sentence without a full stop."""
     return _argued(counts, coverage_min)[1]
@@ -143,6 +163,8 @@ def _argued(counts: Counts, coverage_min: float) -> tuple[Exit, str]:
         return Exit.INCONCLUSIVE, "nothing was compared"
     if not counts.informative + counts.ulp + counts.tolerance:
         return Exit.INCONCLUSIVE, f"all {counts.trivial} matches are trivial: the loop rested, or was limited or manual"
+    if counts.link > LINK_SHARE_MAX * counts.total:
+        return Exit.INCONCLUSIVE, f"{counts.link} of {counts.total} executions were lost with the link"
     if counts.coverage < coverage_min:
         return (
             Exit.INCONCLUSIVE,
