@@ -72,6 +72,7 @@ def _execution(event: Execution) -> Json:
         "count": event.count,
         "reason": event.reason,
         "terms": terms_json(event.terms),
+        "open_terms": list(event.open_terms),
         "term": blame.term if blame else None,
         "plc": number(blame.plc) if blame else None,
         "ref": number(blame.ref) if blame else None,

@@ -96,7 +96,7 @@ class Follower:
         return replace(
             self.counts,
             unobservable=self.counts.unobservable + unseen,
-            expected=max(counted, round(self._expected)) + self.counts.link,
+            expected=max(counted, int(self._expected)) + self.counts.link,
         )
 
     def see(self, picture: Picture) -> list[Event]:

@@ -47,6 +47,7 @@ class Execution:
         weight: What a MATCH is worth.
         reason: Why there is no MATCH by bits, one sentence.
         terms: Every term of the reference; None when there was nothing to step from.
+        open_terms: Terms whose last bits are not settled, because the PLC hides what they come from.
         inputs: What the execution read, as far as it could be told.
         blame: Where and why it left the reference; only when it DIVERGED.
         count: How many executions this one line stands for.
@@ -57,6 +58,7 @@ class Execution:
     weight: Weight | None = None
     reason: str = ""
     terms: Any = None
+    open_terms: tuple[str, ...] = ()
     inputs: Any = None
     blame: Blame | None = None
     count: int = 1
@@ -111,7 +113,7 @@ def judge(
     if proof is not None:
         reason = f"agrees by {proof.value} only; the tolerance of the profile allows it"
         weight = weigh(found.nearest.terms, names, before, after)
-        execution = Execution(Verdict.MATCH, proof, weight, reason, found.nearest.terms, found.nearest.inputs)
+        execution = Execution(Verdict.MATCH, proof, weight, reason, found.nearest.terms, inputs=found.nearest.inputs)
         return execution, (*patched(loop, found.nearest, after.seen), *fresh)
     if executions_max > 1:
         return Execution(Verdict.UNOBSERVABLE, reason=SEVERAL, inputs=after.inputs, count=executions_max), fresh
@@ -155,9 +157,24 @@ def _agreed(
 ) -> Execution:
     fit = found.fits[0]
     if not found.is_decided:
-        return Execution(Verdict.UNOBSERVABLE, None, None, OPEN_STATE, fit.terms, fit.inputs, written=written)
+        return Execution(
+            Verdict.UNOBSERVABLE,
+            reason=OPEN_STATE,
+            terms=fit.terms,
+            open_terms=fit.open_terms,
+            inputs=fit.inputs,
+            written=written,
+        )
     weight = weigh(fit.terms, names, before, after)
-    return Execution(Verdict.MATCH, Proof.BITS, weight, "", fit.terms, fit.inputs, written=written)
+    return Execution(
+        Verdict.MATCH,
+        Proof.BITS,
+        weight,
+        terms=fit.terms,
+        open_terms=fit.open_terms,
+        inputs=fit.inputs,
+        written=written,
+    )
 
 
 def weigh(terms: Any, names: tuple[str, ...], before: Picture, after: Picture) -> Weight:

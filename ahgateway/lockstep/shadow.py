@@ -48,12 +48,16 @@ Shadow = tuple[Bound, ...]
 
 
 class Fit(NamedTuple):
-    """One way to explain an execution: what it read, what was before and after, and what it says of itself."""
+    """One way to explain an execution: what it read, what was before and after, and what it says of itself.
+
+    `open_terms` names the terms whose last bits are not settled, though every word that can be seen is.
+    """
 
     inputs: Any
     before: Bound
     after: Bound
     terms: Any
+    open_terms: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +119,13 @@ def open_attr(bound: Bound) -> str | None:
         if isinstance(low, np.floating) and not same_bits(low, high):
             return str(name)
     return None
+
+
+def open_terms(low: Any, high: Any) -> tuple[str, ...]:
+    """Names of the terms in which the two ends of a bound differ."""
+    if low is high:
+        return ()
+    return tuple(name for name, a, b in zip(low._fields, low, high, strict=True) if _bits_of(a) != _bits_of(b))
 
 
 def _hull(left: Bound, right: Bound) -> Bound:
@@ -190,12 +201,12 @@ def explain(
             predictions.add(tuple(bits(high[name]) for name in names))
             if same_words(names, low, high):
                 if same_words(names, low, seen):
-                    fitting.append(Fit(inputs, bound, after, low_terms))
+                    fitting.append(Fit(inputs, bound, after, low_terms, open_terms(low_terms, high_terms)))
             else:
                 fitting.extend(_narrowed(loop, inputs, bound, seen, names))
             distance = _distance(names, low, seen)
             if nearest is None or distance < nearest[0]:
-                nearest = (distance, Fit(inputs, bound, after, low_terms))
+                nearest = (distance, Fit(inputs, bound, after, low_terms, open_terms(low_terms, high_terms)))
         if fitting:
             fits.extend(fitting)
             is_decided = is_decided or len(predictions) == 1
@@ -236,7 +247,7 @@ def _narrowed(loop: Loop, inputs: Any, bound: Bound, seen: Mapping[str, REAL], n
         return []
     if not same_words(names, predicted(loop.controller, after.high, high_terms), seen):
         return []
-    return [Fit(inputs, part, after, terms)]
+    return [Fit(inputs, part, after, terms, open_terms(terms, high_terms))]
 
 
 def _first(low: int, high: int, holds: Callable[[int], bool]) -> int:

@@ -80,12 +80,15 @@ def status_line(follower: Follower, utc_ns: int, now_ns: int) -> str:
 
 
 def terms_text(follower: Follower) -> str:
-    """P, I, D and BIAS of the reference's last execution, and what it says of itself."""
-    terms = follower.last.terms if follower.last else None
-    if terms is None:
+    """P, I, D and BIAS of the reference's last execution, and what it says of itself; `~` marks unsettled bits."""
+    last = follower.last
+    if last is None or last.terms is None:
         return "P - I - D -"
+    terms = last.terms
     text = " ".join(
-        f"{name.upper()} {shown(getattr(terms, name))}" for name in ("p", "i", "d", "bias") if hasattr(terms, name)
+        f"{name.upper()} {'~' if name in last.open_terms else ''}{shown(getattr(terms, name))}"
+        for name in ("p", "i", "d", "bias")
+        if hasattr(terms, name)
     )
     said = ",".join(flags.names(terms.flags))
     return f"{text} [{said}]" if said else text

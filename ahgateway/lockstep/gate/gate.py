@@ -1,0 +1,521 @@
+"""The write gate: the only door to a PLC's memory.
+
+Every write of the house goes through `Gate.write`: armed for one loop and a short time, allow-listed, limited, noted
+on the disk before it is sent, read back afresh, undone when anything goes wrong. What may follow what stands in
+`states`, what one request may hold in `change`, what may be put back in `session`.
+
+Theory of operation: the intent of every request is on the disk before the request leaves, so that a killed gateway's
+next start knows what can stand in the PLC. A request that stays unanswered is never repeated: what stands there is
+read, and that decides. Putting back is the same at an error, a signal, a lost link and the next start: read, decide,
+write, read, until nothing of ours is left or something is not ours any more.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+from collections.abc import AsyncIterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from ahgateway import __version__
+from ahgateway.clock import SECOND, Clock
+from ahgateway.codec import block
+from ahgateway.codec.block import Raw
+from ahgateway.codec.station import Loop, Station
+from ahgateway.errors import AhGatewayError, PlcRefusedError, StateError, TransportError
+from ahgateway.lockstep.gate import change
+from ahgateway.lockstep.gate.change import Item, Step, shown
+from ahgateway.lockstep.gate.journal import Journal
+from ahgateway.lockstep.gate.lease import Lease
+from ahgateway.lockstep.gate.outcome import Plan, Restored, conflict_text
+from ahgateway.lockstep.gate.session import Conflict, Session, decide, last_session, words_json
+from ahgateway.lockstep.gate.states import Event, State, after
+from ahgateway.lockstep.gate.wire import Wire
+from ahgateway.lockstep.picture import Picture
+from ahgateway.transports.base import Link
+
+ARM_DEFAULT_NS = 300 * SECOND
+ARM_MAX_NS = 3600 * SECOND
+MANUAL_TRIES = 3
+UNCLEAN_HINT = "look at the loop; then `--restore` tries again, `--accept` takes it as it stands"
+RESTORE_PATIENCE_NS = 30 * SECOND
+RESTORE_RETRY_NS = SECOND // 2
+
+
+def identity(station: Station, loop: Loop) -> str:
+    """Return what tells one loop of one PLC from all others, whatever people call them: 16 hexadecimal digits."""
+    base = station.target.partition("?")[0].rstrip("/").lower()
+    place = block.address(loop, station.devices, "I_MV")
+    text = f"{base} {station.unit} {place.table.value} {place.address}"
+    return hashlib.sha256(text.encode("utf-8")).hexdigest()[:16]
+
+
+def journal_path(directory: Path, station: Station, loop: Loop) -> Path:
+    """Return where a loop's journal stands."""
+    return directory / f"{identity(station, loop)}.jsonl"
+
+
+class Gate:
+    """The write gate of one loop.
+
+    Args:
+        station: The PLC.
+        loop: The only loop that is ever written.
+        link: The way there.
+        clock: Gives the times, waits, and ends the arming.
+        directory: Where journal and lease stand.
+        who: Who asks, for the journal.
+
+    Attributes:
+        state: Where the gate stands.
+        session: What this arming has done, None before the first.
+        as_found: The picture before the first write, None before it.
+        recovered: What `arm` had to put back for an earlier run first, None when there was nothing.
+        path: The journal.
+    """
+
+    def __init__(
+        self, station: Station, loop: Loop, link: Link, clock: Clock, directory: Path, *, who: str = ""
+    ) -> None:
+        self.station, self.loop, self.link, self.who = station, loop, link, who
+        self.state = State.DISARMED
+        self.session: Session | None = None
+        self.as_found: Picture | None = None
+        self.recovered: Restored | None = None
+        self.path = journal_path(directory, station, loop)
+        self._clock = clock
+        self._wire = Wire(station, loop, link, clock)
+        self._spans = block.spans(loop, station.devices)
+        self._journal: Journal | None = None
+        self._lease: Lease | None = None
+        self._ends_ns = 0
+        self._written_ns: dict[str, int] = {}
+
+    @property
+    def anchor(self) -> str:
+        """Hash of the journal's last record; it belongs on every sheet and recording."""
+        return self._journal.last if self._journal is not None else ""
+
+    # Asking.
+
+    async def preview(self, values: Mapping[str, Any]) -> Plan:
+        """Return what `write` would do now, with every check and no write; needs no arming."""
+        picture = await self._wire.picture()
+        return self._plan(values, picture)
+
+    async def arm(self, reason: str, *, duration_ns: int = ARM_DEFAULT_NS) -> Picture:
+        """Arm the gate: lease, journal, what an earlier run left, as-found snapshot; return the snapshot.
+
+        Raises:
+            StateError: Armed already, by us or another; an earlier run left what cannot be put back; the PLC is in
+                STOP; the block is empty; the journal is broken.
+        """
+        if not 0 < duration_ns <= ARM_MAX_NS:
+            raise StateError(f"armed for {duration_ns / SECOND:g} s, allowed are up to {ARM_MAX_NS // SECOND} s")
+        if self.state is not State.DISARMED:
+            after(self.state, Event.ARM)
+        await self._finish_earlier()
+        self._open()
+        try:
+            assert self._journal is not None
+            picture = await self._wire.picture()
+            self._check_fit(picture)
+            words = {name: picture.words[name] for name in self._spans}
+            record = self._journal.append(
+                "armed",
+                loop=self.loop.name, station=self.station.name, target=self.station.target, unit=self.station.unit,
+                who=self.who, why=reason, seconds=duration_ns / SECOND, version=__version__,
+                places={name: str(self.loop.bindings.get(name, self.loop.en)) for name in words},
+                as_found=words_json(words),
+            )  # fmt: skip
+        except BaseException:
+            self._close()
+            raise
+        self.as_found = picture
+        self.session = Session(self.loop.name, dict(words), anchor=str(record["hash"]))
+        self._ends_ns = self._clock.now_ns() + duration_ns
+        self._written_ns = {}
+        self.state = after(self.state, Event.ARM)
+        return picture
+
+    async def _finish_earlier(self) -> None:
+        """Put back what a run that was killed left behind, before anything new begins."""
+        self._open()
+        assert self._journal is not None
+        pending = last_session(self._journal.records)
+        if pending is None or pending.end:
+            return
+        self.session = pending
+        if not pending.written:
+            self._end("restored")
+            return
+        self.state = after(self.state, Event.PENDING)
+        self.recovered = await self.restore("an earlier run ended without putting back")
+        if not self.recovered.is_clean:
+            raise StateError(
+                f"loop {self.loop.name}: an earlier run ended without putting back {', '.join(pending.written)}; "
+                f"{self.recovered.text(self.loop)}",
+                hint=UNCLEAN_HINT,
+            )
+
+    @contextlib.asynccontextmanager
+    async def armed(self, reason: str, *, duration_ns: int = ARM_DEFAULT_NS, keep: bool = False) -> AsyncIterator[Gate]:
+        """Arm for the body of an `async with`; put back at its end, or with `keep` only when it fails.
+
+        Raises:
+            StateError: As `arm`; or something could not be put back, with the first cause behind it.
+        """
+        await self.arm(reason, duration_ns=duration_ns)
+        try:
+            yield self
+        except BaseException as cause:
+            if self.state is not State.DISARMED:
+                restored = await self.restore(f"{type(cause).__name__}: {cause}")
+                if not restored.is_clean:
+                    raise self._unclean(restored, cause) from cause
+            raise
+        if self.state is State.DISARMED:
+            return
+        if keep:
+            self.keep()
+            return
+        restored = await self.restore("end of the test")
+        if not restored.is_clean:
+            raise self._unclean(restored, None)
+
+    async def write(self, values: Mapping[str, Any], why: str = "") -> Plan:
+        """Write operands of the loop, step by step, each read back; return what was done.
+
+        When a step fails, everything that this arming has written is put back before the error is raised.
+
+        Raises:
+            StateError: Not armed, not allowed, outside a limit, too soon, taken over, or not what was read back.
+            TransportError: The link failed.
+            PlcRefusedError: The PLC refused it.
+        """
+        await self.check()
+        done: list[Step] = []
+        picture = await self._wire.picture()
+        planned = self._plan(values, picture)
+        self._check_rate(planned.steps)
+        try:
+            for stage in change.stages(self.loop, values, picture.words):
+                if stage == {"MOUT": None}:
+                    done += await self._follow_mv(why)
+                    continue
+                picture = await self._wire.picture()
+                self._check_ours(picture)
+                for step in self._stage(stage, picture):
+                    await self._carry_out(step, "write", why)
+                    done.append(step)
+        except BaseException as cause:
+            await self._undo(cause)
+            raise
+        return Plan(self.loop.name, tuple(done), planned.unchanged)
+
+    async def check(self) -> None:
+        """Make sure that the gate is armed and its time is not over; put everything back when it is.
+
+        Raises:
+            StateError: It is not armed, or the time is over.
+        """
+        if self.state is not State.ARMED:
+            raise StateError(
+                f"loop {self.loop.name} is {self.state.value}, nothing is written", hint="`--arm LOOP` arms one loop"
+            )
+        if self._clock.now_ns() >= self._ends_ns:
+            error = StateError(f"loop {self.loop.name}: the time for which it was armed is over")
+            await self._undo(error)
+            raise error
+
+    def look(self, picture: Picture) -> None:
+        """Compare a picture taken while armed with what we found and wrote.
+
+        Raises:
+            StateError: The mode or something that we wrote has been changed by somebody else.
+        """
+        self._check_ours(picture)
+
+    def keep(self) -> None:
+        """End the arming and leave everything as it was written."""
+        self.state = after(self.state, Event.KEPT)
+        self._end("kept")
+
+    async def restore(self, why: str) -> Restored:
+        """Put back what still is ours, for as long as it takes the link to come back; then disarm.
+
+        Returns:
+            How it ended; when it is not clean, the gate is BROKEN and the journal keeps the session open.
+        """
+        if self.session is None:
+            raise StateError(f"loop {self.loop.name}: nothing was written that could be put back")
+        self.state = after(self.state, Event.ABORT)
+        self._note("restoring", why=why)
+        restored = await self._put_back(self.session)
+        if restored.is_clean:
+            self.state = after(self.state, Event.RESTORED)
+            self._end("restored")
+            return restored
+        self.state = after(self.state, Event.LEFT)
+        self._note("left", text=restored.text(self.loop), operands=[each.operand for each in restored.conflicts])
+        self._close()
+        return restored
+
+    async def recover(self, why: str = "asked for") -> Restored | None:
+        """Put back what the last run left: one that never ended, or one that kept what it wrote.
+
+        Returns:
+            How it ended, None when there is nothing to put back.
+
+        Raises:
+            StateError: Another gateway has the loop armed, or the journal is broken.
+        """
+        self._open()
+        assert self._journal is not None
+        session = last_session(self._journal.records)
+        if session is None or session.end in ("restored", "accepted"):
+            self._close()
+            return None
+        self.session = session
+        self.state = State.BROKEN
+        try:
+            return await self.restore(why)
+        finally:
+            self._close()
+
+    def accept(self, why: str) -> bool:
+        """End a session that was left open: a person has looked, and what stands in the PLC is right.
+
+        Returns:
+            False when no session was open.
+        """
+        self._open()
+        assert self._journal is not None
+        session = last_session(self._journal.records)
+        if session is None or session.end:
+            self._close()
+            return False
+        self.session = session
+        self.state = after(State.BROKEN, Event.CLEARED)
+        self._journal.append("accepted", who=self.who, why=why)
+        self._end("accepted")
+        return True
+
+    # Doing.
+
+    def _plan(self, values: Mapping[str, Any], picture: Picture) -> Plan:
+        found: list[Step] = []
+        # A later stage starts from what the earlier ones leave.
+        words = dict(picture.words)
+        for stage in change.stages(self.loop, values, picture.words):
+            named = {"MOUT": picture.seen["MV"]} if stage == {"MOUT": None} else stage
+            if stage == {"MOUT": None} and change.follows_mv(self.loop, words):
+                words["MOUT"] = words["MV"]
+                continue
+            for step in self._steps(named, words, picture):
+                found.append(step)
+                words.update({item.operand: item.new for item in step.items})
+        changed = {item.operand for step in found for item in step.items}
+        return Plan(self.loop.name, tuple(found), tuple(name for name in values if name not in changed))
+
+    def _stage(self, stage: Mapping[str, Any], picture: Picture) -> tuple[Step, ...]:
+        return self._steps(stage, dict(picture.words), picture)
+
+    def _steps(self, stage: Mapping[str, Any], words: Raw, picture: Picture) -> tuple[Step, ...]:
+        items = []
+        for name, value in stage.items():
+            in_automatic = name == "MOUT" and not words["PID_MAN"][0]
+            if in_automatic and change.follows_mv(self.loop, words):
+                raise StateError(
+                    f"loop {self.loop.name}: MOUT follows MV while MOUT_AUTO is TRUE and PID_MAN is FALSE",
+                    hint="write PID_MAN=TRUE with it",
+                )
+            # In automatic MOUT moves nothing: what counts is how far MV would jump at the transfer.
+            reference = picture.seen["MV"] if in_automatic else None
+            items.append(change.item(self.loop, self.station, name, value, words, reference=reference))
+        return change.steps(self.loop, self.station, items)
+
+    async def _follow_mv(self, why: str) -> list[Step]:
+        """Let MOUT hold MV, as near as MV stands still meanwhile; the loop is still in automatic."""
+        done: list[Step] = []
+        limit = change.allowed(self.loop, self.station, "MOUT")
+        assert limit.step_max is not None
+        for _ in range(MANUAL_TRIES):
+            picture = await self._wire.picture()
+            self._check_ours(picture)
+            mout, mv = float(picture.inputs.mout), float(picture.seen["MV"])
+            if change.follows_mv(self.loop, picture.words) or (done and abs(mv - mout) <= limit.step_max):
+                return done
+            for step in self._stage({"MOUT": picture.seen["MV"]}, picture):
+                await self._carry_out(step, "write", why)
+                done.append(step)
+            if not done:
+                return done
+        raise StateError(
+            f"loop {self.loop.name}: MV moves faster than MOUT can follow, {mout:g} behind {mv:g}",
+            hint="wait until the loop is quieter",
+        )
+
+    async def _carry_out(self, step: Step, kind: str, why: str) -> None:
+        """One request: intent on disk, sent, acknowledged, read back afresh."""
+        assert self.session is not None
+        self._write_down(step, kind, why)
+        for item in step.items:
+            self.session.intend(item.operand, item.new)
+        is_write = kind == "write"
+        if is_write:
+            self.state = after(self.state, Event.SEND)
+        try:
+            await self._wire.send(step)
+        except PlcRefusedError as error:
+            self._note("refused", code=error.code, text=error.message)
+            raise
+        except TransportError as error:
+            # Nobody knows whether it arrived; it is not sent again, what stands there decides.
+            self._note("doubt", text=error.message)
+            await self._clock.sleep_ns(self._wire.settle_ns)
+        if is_write:
+            self.state = after(self.state, Event.ACKNOWLEDGED)
+        wrong = await self._wire.read_back(step)
+        if wrong:
+            self._note("mismatch", text=wrong)
+            raise StateError(
+                f"loop {self.loop.name}: {wrong}",
+                hint="the PLC program or another master writes it too; look for it before anything else is written",
+            )
+        holds = {item.operand: item.new for item in step.items}
+        for operand, words in holds.items():
+            self.session.prove(operand, words)
+        self._note("verified", holds=words_json(holds))
+        if is_write:
+            self._written_ns.update(dict.fromkeys(holds, self._clock.now_ns()))
+            self.state = after(self.state, Event.VERIFIED)
+
+    def _write_down(self, step: Step, kind: str, why: str) -> None:
+        facts = {
+            "table": step.request.table.value, "address": step.request.address, "words": list(step.request.values),
+            "items": [_item_json(item) for item in step.items], "who": self.who, "why": why,
+        }  # fmt: skip
+        assert self._journal is not None
+        if kind == "write":
+            self._journal.append(kind, **facts)
+        else:
+            # A full disk must not keep a loop from going back.
+            self._note(kind, **facts)
+
+    async def _undo(self, cause: BaseException) -> None:
+        """Put back after a failure; raise what is left over."""
+        if self.state is State.DISARMED:
+            return
+        restored = await self.restore(f"{type(cause).__name__}: {cause}")
+        if not restored.is_clean:
+            raise self._unclean(restored, cause) from cause
+
+    async def _put_back(self, session: Session) -> Restored:
+        """Read, decide, write, read, until nothing of ours is left or something is not ours any more."""
+        ends_ns = self._clock.now_ns() + RESTORE_PATIENCE_NS
+        done: list[str] = []
+        while True:
+            try:
+                picture = await self._wire.picture()
+                decision = decide(session, picture.words)
+                if not decision.stages:
+                    return Restored(tuple(done), decision.conflicts, decision.is_taken_over)
+                await self._put_stage(decision.stages[0], picture.words)
+                done += decision.stages[0]
+            except AhGatewayError as error:
+                if self._clock.now_ns() >= ends_ns:
+                    return Restored(tuple(done), error=error.message)
+                await self._clock.sleep_ns(RESTORE_RETRY_NS)
+
+    async def _put_stage(self, stage: Mapping[str, tuple[int, ...]], now: Raw) -> None:
+        items = []
+        for name, words in stage.items():
+            kind = self.loop.controller.operand(name).kind
+            items.append(Item(name, str(self.loop.bindings[name]), kind, self._spans[name], now[name], words))
+        for step in change.steps(self.loop, self.station, items):
+            await self._carry_out(step, "restore", "")
+
+    # Checking.
+
+    def _check_fit(self, picture: Picture) -> None:
+        if picture.running is False:
+            raise StateError(f"loop {self.loop.name}: the PLC is in STOP, nothing would carry a write out")
+        if picture.enabled is False:
+            raise StateError(f"loop {self.loop.name}: EN is off, the instruction would not see a write")
+        if not any(any(words) for words in picture.words.values()):
+            raise StateError(
+                f"loop {self.loop.name}: every operand reads 0, so that there may be no loop at these addresses",
+                hint="compare SV and PV with ISPSoft before anything is written there",
+            )
+
+    def _check_rate(self, steps: Sequence[Step]) -> None:
+        now_ns = self._clock.now_ns()
+        for item in (item for step in steps for item in step.items if item.old != item.new):
+            last_ns = self._written_ns.get(item.operand)
+            limit_s = self.loop.writes[item.operand].interval_s
+            if last_ns is not None and now_ns - last_ns < limit_s * SECOND:
+                raise StateError(
+                    f"loop {self.loop.name}: {item.operand} was written {(now_ns - last_ns) / SECOND:.3g} s ago, "
+                    f"allowed is one write in {limit_s:g} s"
+                )
+
+    def _check_ours(self, picture: Picture) -> None:
+        assert self.session is not None
+        session, now = self.session, picture.words
+        names = list(dict.fromkeys([*("PID_RUN", "PID_MODE", "PID_MAN"), *session.written]))
+        if change.follows_mv(self.loop, now):
+            names = [name for name in names if name != "MOUT"]
+        taken = [name for name in names if name in now and not session.is_ours(name, now)]
+        if taken:
+            texts = [
+                conflict_text(
+                    self.loop, Conflict(name, session.as_found[name], tuple(session.possible.get(name, ())), now[name])
+                )
+                for name in taken
+            ]
+            raise StateError(f"loop {self.loop.name}: somebody else writes too: {'; '.join(texts)}")
+
+    # Paper.
+
+    def _open(self) -> None:
+        if self._lease is None:
+            lease = Lease(self.path.with_suffix(".lease"), f"loop {self.loop.name}", who=self.who, loop=self.loop.name)
+            try:
+                self._journal = Journal(self.path, self._clock)
+            except BaseException:
+                lease.release()
+                raise
+            self._lease = lease
+
+    def _close(self) -> None:
+        if self._lease is not None:
+            self._lease.release()
+            self._lease = None
+
+    def _end(self, how: str) -> None:
+        assert self.session is not None
+        self.session.end = how
+        self._note("ended", how=how)
+        self._close()
+
+    def _note(self, kind: str, **facts: Any) -> None:
+        """Add to the journal; what it tells has happened already and is not undone by a full disk."""
+        assert self._journal is not None
+        with contextlib.suppress(StateError):
+            self._journal.append(kind, **facts)
+
+    def _unclean(self, restored: Restored, cause: BaseException | None) -> StateError:
+        first = f"{cause.message if isinstance(cause, AhGatewayError) else cause}; " if cause is not None else ""
+        return StateError(
+            f"loop {self.loop.name}: {first}{restored.text(self.loop)}",
+            hint=UNCLEAN_HINT,
+        )
+
+
+def _item_json(item: Item) -> dict[str, Any]:
+    return {
+        "operand": item.operand, "device": item.device, "old": list(item.old), "new": list(item.new),
+        "old_value": shown(item.old_value), "new_value": shown(item.new_value),
+    }  # fmt: skip

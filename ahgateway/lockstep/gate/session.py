@@ -1,0 +1,153 @@
+"""What one arming has done, told by its journal, and what may be put back. Pure: records in, decision out.
+
+This file alone decides what still is ours. For each operand it carries the set of words that can stand there because of
+us: as found, then every value whose request may have reached the PLC, cut to one when a fresh read has shown it. What
+stands there and is not in the set was written by somebody else, who is never overwritten.
+
+An operator takes over by mode (PID_RUN, PID_MODE, PID_MAN), or by MOUT while the loop is in manual: then nothing is
+put back at all. Any other operand that somebody changed is left alone, and the rest is put back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from ahgateway.codec.block import Raw
+from ahgateway.lockstep.gate.journal import Record
+
+MODE = ("PID_RUN", "PID_MODE", "PID_MAN")
+Words = tuple[int, ...]
+
+
+@dataclass(slots=True)
+class Session:
+    """One arming, from as-found to its end.
+
+    Attributes:
+        loop: The loop's tag.
+        as_found: Words of every operand before the first write.
+        written: Operands that a write was begun for, in the order of their first.
+        possible: Operand to the words that can stand there because of us.
+        end: How it ended: `kept`, `restored`, `accepted`; empty while it has not.
+        anchor: Hash of the record that armed it.
+    """
+
+    loop: str
+    as_found: dict[str, Words]
+    written: list[str] = field(default_factory=list)
+    possible: dict[str, set[Words]] = field(default_factory=dict)
+    end: str = ""
+    anchor: str = ""
+
+    def intend(self, operand: str, new: Words) -> None:
+        """A request with this value may reach the PLC from now on."""
+        if operand not in self.possible:
+            self.possible[operand] = {self.as_found[operand]}
+            self.written.append(operand)
+        self.possible[operand].add(new)
+
+    def prove(self, operand: str, new: Words) -> None:
+        """A fresh read has shown this value behind the last request."""
+        self.possible[operand] = {new}
+
+    def is_ours(self, operand: str, now: Raw) -> bool:
+        """Tell whether what stands there can be as found or as we left it."""
+        return now[operand] in self.possible.get(operand, {self.as_found[operand]})
+
+
+@dataclass(frozen=True, slots=True)
+class Conflict:
+    """An operand that holds what neither we wrote nor found: somebody else has taken it over."""
+
+    operand: str
+    found: Words
+    ours: tuple[Words, ...]
+    now: Words
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What to put back.
+
+    Attributes:
+        stages: Operand to words, stage by stage; () when everything is as found or nothing may be touched.
+        conflicts: What somebody else has changed.
+        is_taken_over: The mode changed, so that nothing is touched.
+    """
+
+    stages: tuple[Mapping[str, Words], ...]
+    conflicts: tuple[Conflict, ...]
+    is_taken_over: bool = False
+
+
+def decide(session: Session, now: Raw) -> Decision:
+    """Decide what may be put back, given what stands in the PLC now."""
+    ignored = {"MOUT"} if now["MOUT_AUTO"][0] and not now["PID_MAN"][0] else set()
+    judged = [name for name in session.written if name not in ignored]
+    differing = [name for name in judged if now[name] != session.as_found[name]]
+    mode = [name for name in MODE if name in now and not session.is_ours(name, now)]
+    if now["PID_MAN"][0] and "MOUT" in judged and not session.is_ours("MOUT", now):
+        mode.append("MOUT")
+    lost = [name for name in differing if not session.is_ours(name, now)]
+    conflicts = tuple(_conflict(session, name, now) for name in dict.fromkeys([*mode, *lost]))
+    if not differing:
+        return Decision((), ())
+    if mode:
+        return Decision((), conflicts, is_taken_over=True)
+    wanted = {name: session.as_found[name] for name in differing if name not in lost}
+    return Decision(tuple(_staged(wanted)), conflicts)
+
+
+def _staged(wanted: Mapping[str, Words]) -> list[dict[str, Words]]:
+    """Gains and limits first; out of manual before MOUT goes back, into manual behind it."""
+    rest = {name: words for name, words in wanted.items() if name not in ("PID_MAN", "MOUT")}
+    mout = {name: wanted[name] for name in ("MOUT",) if name in wanted}
+    man = {name: wanted[name] for name in ("PID_MAN",) if name in wanted}
+    to_manual = bool(man) and bool(man["PID_MAN"][0])
+    ordered = [rest, mout, man] if to_manual else [rest, man, mout]
+    return [stage for stage in ordered if stage]
+
+
+def _conflict(session: Session, name: str, now: Raw) -> Conflict:
+    ours = tuple(sorted(session.possible.get(name, {session.as_found[name]})))
+    return Conflict(name, session.as_found[name], ours, now[name])
+
+
+def words_json(words: Mapping[str, Words]) -> dict[str, list[int]]:
+    """Return operand to words as JSON holds it."""
+    return {name: list(each) for name, each in words.items()}
+
+
+def last_session(records: Sequence[Record]) -> Session | None:
+    """Return the journal's last session, ended or not; None when there never was one."""
+    start = next((at for at in range(len(records) - 1, -1, -1) if records[at]["kind"] == "armed"), None)
+    return None if start is None else replayed(records[start:])
+
+
+def replayed(records: Iterable[Record]) -> Session:
+    """Return the session that these records tell, the first of which armed it."""
+    session: Session | None = None
+    for record in records:
+        kind = record["kind"]
+        if kind == "armed":
+            found = {name: tuple(words) for name, words in record["as_found"].items()}
+            session = Session(str(record["loop"]), found, anchor=str(record["hash"]))
+        elif session is not None:
+            _take_in(session, kind, record)
+    assert session is not None, "the first record arms the session"
+    return session
+
+
+def _take_in(session: Session, kind: str, record: Mapping[str, Any]) -> None:
+    if kind in ("write", "restore"):
+        for change in record["items"]:
+            session.intend(change["operand"], tuple(change["new"]))
+        if kind == "restore":
+            session.end = ""
+    elif kind == "verified":
+        for operand, words in record["holds"].items():
+            session.prove(operand, tuple(words))
+    elif kind == "ended":
+        session.end = str(record["how"])
