@@ -29,10 +29,17 @@ GIVE_UP_NS = 10 * SECOND
 
 @dataclass(frozen=True, slots=True)
 class LinkChange:
-    """The link went away (`is_up` false, with its cause) or came back."""
+    """The link went away (`is_up` false, with its cause) or came back.
+
+    Attributes:
+        is_up: What it is now.
+        cause: Why it went away.
+        lost: When it came back, for every loop that had been seen: its name, its last tick, executions lost.
+    """
 
     is_up: bool
     cause: str = ""
+    lost: tuple[tuple[str, int, float], ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
