@@ -272,6 +272,16 @@ def _miss(case: _Case, words: Mapping[str, REAL], name: str) -> float:
     return abs(float(words[name]) - float(case.seen[name])) / (scale * 2.0**-23)
 
 
+def _overwritten(case: _Case) -> list[Suspect]:
+    """Only MV changed while the recorded PV and the integral stand still: nothing was executed."""
+    others = [name for name in case.names if name != "MV"]
+    stood_still = same_words(others, case.before.seen, case.after.seen)
+    if not stood_still or same_words(others, case.run()[0], case.seen):
+        return []
+    old, new = float(case.before.seen["MV"]), float(case.seen["MV"])
+    return [Suspect("operand-written", f"MV went from {old:g} to {new:g} without an execution", "MV")]
+
+
 def _integral(case: _Case) -> list[Suspect]:
     """MV follows from the integral that is shown, but that integral does not follow from the one before."""
     ref, terms = case.run()
@@ -290,6 +300,7 @@ def _integral(case: _Case) -> list[Suspect]:
 
 
 HYPOTHESES: tuple[Callable[[_Case], list[Suspect]], ...] = (
+    _overwritten,
     _other_modes,
     _stale_pv,
     _other_dialect,
