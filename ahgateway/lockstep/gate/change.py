@@ -216,10 +216,11 @@ def _rounded(kind: Kind, limit: float) -> Any:
     return REAL(limit) if kind is Kind.REAL else limit
 
 
-def steps(loop: Loop, station: Station, items: Sequence[Item]) -> tuple[Step, ...]:
+def steps(loop: Loop, station: Station, items: Sequence[Item], *, is_return: bool = False) -> tuple[Step, ...]:
     """Return the requests that carry these changes: registers merged where they touch, flags one by one.
 
-    What stands there already is left out, unless it lies between two changes of one request.
+    What stands there already is left out, unless it lies between two changes of one request. A return to what was
+    found is never refused: where it cannot land together, it lands one by one.
 
     Raises:
         StateError: Operands that must land together do not stand together.
@@ -235,7 +236,8 @@ def steps(loop: Loop, station: Station, items: Sequence[Item]) -> tuple[Step, ..
         else:
             groups.append([each])
     trimmed = [kept for group in groups if (kept := _trimmed(group))]
-    _check_together(loop, trimmed)
+    if not is_return:
+        _check_together(loop, trimmed)
     trimmed += [[each] for each in items if each.kind is Kind.BOOL and each.old != each.new]
     return tuple(_step(station, group) for group in trimmed)
 

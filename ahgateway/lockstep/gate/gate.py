@@ -170,12 +170,9 @@ class Gate:
         try:
             yield self
         except BaseException as cause:
-            if self.state is not State.DISARMED:
-                restored = await self.restore(f"{type(cause).__name__}: {cause}")
-                if not restored.is_clean:
-                    raise self._unclean(restored, cause) from cause
+            await self._undo(cause)
             raise
-        if self.state is State.DISARMED:
+        if self.state in (State.DISARMED, State.BROKEN):
             return
         if keep:
             self.keep()
@@ -405,8 +402,8 @@ class Gate:
             self._note(kind, **facts)
 
     async def _undo(self, cause: BaseException) -> None:
-        """Put back after a failure; raise what is left over."""
-        if self.state is State.DISARMED:
+        """Put back after a failure, once; raise what is left over."""
+        if self.state in (State.DISARMED, State.BROKEN):
             return
         restored = await self.restore(f"{type(cause).__name__}: {cause}")
         if not restored.is_clean:
@@ -434,7 +431,7 @@ class Gate:
         for name, words in stage.items():
             kind = self.loop.controller.operand(name).kind
             items.append(Item(name, str(self.loop.bindings[name]), kind, self._spans[name], now[name], words))
-        for step in change.steps(self.loop, self.station, items):
+        for step in change.steps(self.loop, self.station, items, is_return=True):
             await self._carry_out(step, "restore", "")
 
     # Checking.

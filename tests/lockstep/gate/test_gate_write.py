@@ -10,7 +10,6 @@ import pytest
 from lockstep.gate.gate_world import WRITES, FailingLink, GateWorld, is_write
 
 from ahgateway.clock import SECOND
-from ahgateway.codec.access import Table
 from ahgateway.codec.devices import parse_device
 from ahgateway.codec.station import WriteLimit
 from ahgateway.errors import LinkError, PlcRefusedError, ReplyTimeoutError, StateError
@@ -253,12 +252,16 @@ async def test_a_busy_plc_is_asked_again(world: GateWorld) -> None:
 
 
 async def test_a_refused_write_puts_the_earlier_ones_back(world: GateWorld) -> None:
-    async with world.gate().armed("test", keep=True) as gate:
+    def refuse(when: str, request) -> None:
+        if when == "before" and is_write(request) and request.address == 108:
+            raise PlcRefusedError("no", code=4)
+
+    async with world.gate(FailingLink(world.link, refuse)).armed("test", keep=True) as gate:
         await gate.write({"SV": 52.5})
-        world.plc.refuse(Table.HOLDING, 108, 109, 4, count=1)
         with pytest.raises(PlcRefusedError):
             await gate.write({"Kc_Kp": 2.0})
     assert [0x42480000, 0x3FC00000] == world.holds("SV", "Kc_Kp")
+    assert State.DISARMED is gate.state
 
 
 async def test_a_write_without_an_answer_is_read_not_repeated(world: GateWorld) -> None:
