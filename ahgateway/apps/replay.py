@@ -1,0 +1,272 @@
+"""A recording followed again, execution by execution, with the dialect and tolerances of then or others.
+
+Pictures are put together from the raw words, so the same follower sees the same bits at the same times and comes to
+the same verdicts. Nothing here reads a clock: time is what the recording says.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections import defaultdict, deque
+from collections.abc import AsyncIterator, Iterator, Mapping
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
+from typing import Any
+
+import numpy as np
+
+from ahgateway.apps.monitor import LinkChange, Monitor, Report, Sample
+from ahgateway.apps.record import verdict_text
+from ahgateway.apps.report import as_json
+from ahgateway.clock import Clock
+from ahgateway.codec import block
+from ahgateway.codec.station import Loop, Station, Tolerance
+from ahgateway.core.real import REAL
+from ahgateway.errors import StateError
+from ahgateway.lockstep.follow import Follower
+from ahgateway.lockstep.judge import Execution
+from ahgateway.lockstep.picture import Picture
+from ahgateway.recording.reader import Recording, Row
+from ahgateway.recording.station_text import dialect_from, dialect_json
+from ahgateway.transports.base import Link
+
+
+@dataclass(frozen=True, slots=True)
+class Changes:
+    """What is judged otherwise than it was then.
+
+    Attributes:
+        dialect: Axis to value, for every loop, as a profile writes them.
+        tolerance: None: that of then.
+    """
+
+    dialect: Mapping[str, str]
+    tolerance: Tolerance | None = None
+
+    @property
+    def are_none(self) -> bool:
+        """True when the same verdicts are to be expected."""
+        return not self.dialect and self.tolerance is None
+
+
+def picture_of(loop: Loop, row: Row) -> Picture:
+    """Return the picture that was recorded as this row, bit for bit."""
+    return Picture(
+        tick=row.tick,
+        inputs=block.inputs(loop, row.words),
+        seen=block.seen(loop, row.words),
+        words=row.words,
+        enabled=bool(row.words[block.EN][0]) if block.EN in row.words else None,
+        running=row.running,
+        sent_ns=row.sent_ns,
+        last_ns=row.last_ns,
+        utc_ns=row.utc_ns,
+        aligned_since_ns=row.aligned_since_ns,
+    )
+
+
+def judged_again(station: Station, changes: Changes) -> Station:
+    """Return the station with other dialects and tolerances.
+
+    Raises:
+        CodecError: An axis or value is not known.
+    """
+    loops = []
+    for loop in station.loops:
+        named = {**dialect_json(loop.dialect), **changes.dialect}
+        tolerance = loop.tolerance if changes.tolerance is None else changes.tolerance
+        loops.append(replace(loop, dialect=dialect_from(named, "--dialect"), tolerance=tolerance))
+    return replace(station, loops=tuple(loops))
+
+
+class Replay:
+    """Follows the loops of a recording.
+
+    Args:
+        recording: Where the rows come from.
+        station: The loops to follow, with the dialects to judge by; None: as they were recorded.
+        loops: Names of the loops to follow; () for all.
+
+    Raises:
+        StateError: The recording has no such loop, records another instruction for it, or holds someone else's trend,
+            which lacks what an instruction remembers.
+    """
+
+    def __init__(self, recording: Recording, station: Station | None = None, loops: tuple[str, ...] = ()) -> None:
+        self.recording = recording
+        self.station = station or recording.station
+        known = {loop.name: loop for loop in recording.station.loops}
+        wanted = loops or tuple(loop.name for loop in self.station.loops)
+        for name in wanted:
+            _require(recording, known, name)
+        if recording.meta.get("origin") == "import":
+            raise StateError(
+                f"{recording.path}: was made from a trend, which lacks the words that the instruction remembers",
+                hint="`ahgateway export` and `ahgateway tune` take it; judging needs a recording of a PLC",
+            )
+        own = {loop.name: loop for loop in self.station.loops if loop.name in wanted}
+        for name, loop in own.items():
+            if loop.controller.name != known[name].controller.name:
+                raise StateError(
+                    f"{recording.path}: loop {name} is {known[name].controller.name} in the recording, "
+                    f"{loop.controller.name} in the profile"
+                )
+        self.followers = {name: Follower(loop) for name, loop in own.items()}
+        self._lost = _lost_marks(recording)
+
+    def reports(self) -> Iterator[Report]:
+        """Yield what happened, as it was reported then, picture by picture."""
+        ends = sorted(
+            (event for event in self.recording.events("link")), key=lambda event: event.utc_ns
+        )  # the link's own story, told between the pictures
+        at = 0
+        for row in self.recording.rows(set(self.followers)):
+            while at < len(ends) and ends[at].utc_ns <= row.utc_ns:
+                found = ends[at].found
+                yield Report(ends[at].utc_ns, "", 0, LinkChange(found["up"], found["cause"]))
+                at += 1
+            yield from self.see(row)
+
+    def see(self, row: Row) -> list[Report]:
+        """Show one row to its loop's follower and return what follows."""
+        follower = self.followers[row.loop]
+        marks = self._lost[row.loop]
+        while marks and marks[0][0] < row.tick:
+            follower.lost(marks.popleft()[1])
+        picture = picture_of(follower.loop, row)
+        reports = [Report(row.utc_ns, row.loop, row.tick, event) for event in follower.see(picture)]
+        reports.append(Report(row.utc_ns, row.loop, row.tick, Sample(picture)))
+        return reports
+
+
+class ReplayMonitor(Monitor):
+    """A monitor whose pictures come from a recording, at the recording's own times on the clock handed in."""
+
+    def __init__(self, replay: Replay, link: Link, clock: Clock) -> None:
+        super().__init__(
+            replace(replay.station, loops=tuple(each.loop for each in replay.followers.values())), link, clock
+        )
+        self._replay = replay
+        for watch in self.watches:
+            watch.follower = replay.followers[watch.loop.name]
+
+    async def reports(
+        self, *, duration_ns: int | None = None, stop: asyncio.Event | None = None
+    ) -> AsyncIterator[Report]:
+        """Yield what happened until the recording, the time or the patience of `stop` is over."""
+        end_ns = None if duration_ns is None else self._started_ns + duration_ns
+        self.is_up = True
+        for report in self._replay.reports():
+            if stop is not None and stop.is_set():
+                return
+            if isinstance(report.event, Sample):
+                picture = report.event.picture
+                wait_ns = picture.last_ns - self._clock.now_ns()
+                if end_ns is not None and picture.last_ns >= end_ns:
+                    return
+                if wait_ns > 0:
+                    await self._clock.sleep_ns(wait_ns)
+            if isinstance(report.event, LinkChange):
+                self.is_up = report.event.is_up
+            yield report
+
+
+@dataclass(slots=True)
+class Agreement:
+    """How the verdicts of now compare with those of then.
+
+    Attributes:
+        same: Executions with the same verdict, reason and cause.
+        other: Executions with another one.
+        only_now: Executions that were not judged then, or whose verdict was not kept.
+        only_then: Verdicts of then that were not found again.
+        first: (loop, tick, then, now) of the first that differs.
+    """
+
+    same: int = 0
+    other: int = 0
+    only_now: int = 0
+    only_then: int = 0
+    first: tuple[str, int, dict[str, Any], dict[str, Any]] | None = None
+
+    @property
+    def is_whole(self) -> bool:
+        """True when every verdict of then was found again, and no other."""
+        return not (self.other or self.only_now or self.only_then)
+
+
+class Comparison:
+    """Holds the verdicts of a replay against those in the recording."""
+
+    def __init__(self, replay: Replay) -> None:
+        self._then = {
+            (loop, tick): found for loop, tick, found in replay.recording.verdicts() if loop in replay.followers
+        }
+        self._agreement = Agreement()
+
+    def take(self, report: Report) -> None:
+        """Take in a report of the replay."""
+        if not isinstance(report.event, Execution):
+            return
+        whole = as_json(report)
+        assert whole is not None
+        now = json.loads(verdict_text(whole))
+        then = self._then.pop((report.loop, report.tick), None)
+        found = self._agreement
+        if then is None:
+            found.only_now += 1
+        elif then == now:
+            found.same += 1
+        else:
+            found.other += 1
+            if found.first is None:
+                found.first = (report.loop, report.tick, then, now)
+
+    def result(self) -> Agreement:
+        """Return the agreement once every report was taken."""
+        self._agreement.only_then = len(self._then)
+        return self._agreement
+
+
+@dataclass(frozen=True, slots=True)
+class TermLine:
+    """One term of one execution: what stands in the PLC, None where it shows none, beside the reference."""
+
+    term: str
+    plc: REAL | None
+    ref: REAL
+
+
+def term_lines(loop: Loop, picture: Picture, execution: Execution) -> list[TermLine]:
+    """Return every term of an execution, PLC beside reference, in the order in which the law computes them."""
+    terms = execution.terms
+    if terms is None:
+        return []
+    shown = {word.attr: picture.seen[word.name] for word in loop.controller.seen if word.name in picture.seen}
+    lines = []
+    if "pv1" in shown and execution.inputs is not None:
+        lines.append(TermLine("PV", shown["pv1"], execution.inputs.pv))
+    for name, value in zip(terms._fields, terms, strict=True):
+        if isinstance(value, np.floating):
+            lines.append(TermLine(name.upper(), shown.get(name), value))
+    return lines
+
+
+def _require(recording: Recording, known: Mapping[str, Loop], name: str) -> None:
+    if name in known:
+        return
+    near = get_close_matches(name, known, 1, 0.5)
+    raise StateError(
+        f"{recording.path}: has no loop `{name}`, it has {', '.join(known)}",
+        hint=f"did you mean `{near[0]}`?" if near else None,
+    )
+
+
+def _lost_marks(recording: Recording) -> defaultdict[str, deque[tuple[int, float]]]:
+    """For every loop, the ticks behind which the link was lost, and how many executions with it."""
+    found: defaultdict[str, deque[tuple[int, float]]] = defaultdict(deque)
+    for event in recording.events("link"):
+        for loop, tick, executions in event.found.get("lost", ()):
+            found[loop].append((tick, executions))
+    return found

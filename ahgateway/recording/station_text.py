@@ -1,0 +1,137 @@
+"""A station as JSON and back: what a recording must know to be followed again without its profile.
+
+The profile's text is kept beside it for people. This form belongs to the file format: old files must open when
+profiles have changed, so it names every field by itself.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ahgateway.codec.access import Table
+from ahgateway.codec.devices import DeviceMap, DeviceRange, parse_device
+from ahgateway.codec.station import Binding, Const, Loop, Pacing, Station, Tolerance
+from ahgateway.core.controllers import CONTROLLERS
+from ahgateway.core.dialect import AXES, Dialect
+from ahgateway.errors import CodecError
+
+Json = dict[str, Any]
+
+_LOOP_PLAIN = ("scan_ms_max", "pv_unit", "mv_unit")
+_RANGE_PLAIN = ("kind", "first", "last", "base", "stride", "confidence", "writable", "octal", "operands")
+
+
+def station_json(station: Station) -> Json:
+    """Return everything that following a loop needs, device map included, as plain JSON values."""
+    return {
+        "name": station.name,
+        "target": station.target,
+        "unit": station.unit,
+        "bench": station.bench,
+        "running": str(station.running) if station.running else None,
+        "poll_ms": station.pacing.poll_ms,
+        "devices": {
+            "name": station.devices.name,
+            "title": station.devices.title,
+            "ranges": [_range_json(row) for row in station.devices.ranges],
+        },
+        "loops": [_loop_json(loop) for loop in station.loops],
+    }
+
+
+def station_from(text: Json) -> Station:
+    """Return the station of `station_json`.
+
+    Raises:
+        CodecError: It names an instruction, dialect axis or device that this version does not know.
+    """
+    devices = text["devices"]
+    ranges = tuple(
+        DeviceRange(
+            table=Table(row["table"]), functions=tuple(row["functions"]), **{name: row[name] for name in _RANGE_PLAIN}
+        )
+        for row in devices["ranges"]
+    )
+    return Station(
+        text["name"],
+        text["target"],
+        text["unit"],
+        DeviceMap(devices["name"], devices["title"], ranges),
+        tuple(_loop_from(row) for row in text["loops"]),
+        parse_device(text["running"]) if text["running"] else None,
+        text["bench"],
+        Pacing(poll_ms=text["poll_ms"]),
+    )
+
+
+def dialect_json(dialect: Dialect) -> dict[str, str]:
+    """Return the value of every axis by its name in a profile."""
+    return {axis: values(getattr(dialect, axis)).name.lower() for axis, values in AXES.items()}
+
+
+def dialect_from(text: dict[str, str], where: str) -> Dialect:
+    """Return the dialect; axes that are not named have their defaults.
+
+    Raises:
+        CodecError: An axis or value is not known; `where` stands in the message.
+    """
+    chosen: dict[str, Any] = {}
+    for axis, value in text.items():
+        if axis not in AXES:
+            raise CodecError(f"{where}: unknown dialect axis `{axis}`, known are {', '.join(AXES)}")
+        allowed = {member.name.lower(): member for member in AXES[axis]}
+        if value not in allowed:
+            raise CodecError(f"{where}: {axis} = `{value}` is not known, allowed are {', '.join(allowed)}")
+        chosen[axis] = allowed[value]
+    return Dialect(**chosen)
+
+
+def _range_json(row: DeviceRange) -> Json:
+    return {
+        "table": row.table.value,
+        "functions": list(row.functions),
+        **{name: getattr(row, name) for name in _RANGE_PLAIN},
+    }
+
+
+def _loop_json(loop: Loop) -> Json:
+    return {
+        "name": loop.name,
+        "instruction": loop.controller.name,
+        "bindings": {name: _binding_json(binding) for name, binding in loop.bindings.items()},
+        "en": str(loop.en) if loop.en else None,
+        "dialect": dialect_json(loop.dialect),
+        "ulp_max": loop.tolerance.ulp_max,
+        "mv_tolerance": loop.tolerance.mv_max,
+        "pv_range": loop.pv_range,
+        "mv_range": loop.mv_range,
+        **{name: getattr(loop, name) for name in _LOOP_PLAIN},
+    }
+
+
+def _binding_json(binding: Binding) -> Any:
+    return {"const": binding.value} if isinstance(binding, Const) else str(binding)
+
+
+def _loop_from(row: Json) -> Loop:
+    name = row["name"]
+    if row["instruction"] not in CONTROLLERS:
+        raise CodecError(f"loop {name}: unknown instruction `{row['instruction']}`, known are {', '.join(CONTROLLERS)}")
+    return Loop(
+        name=name,
+        controller=CONTROLLERS[row["instruction"]],
+        bindings={
+            operand: Const(binding["const"]) if isinstance(binding, dict) else parse_device(binding)
+            for operand, binding in row["bindings"].items()
+        },
+        en=parse_device(row["en"]) if row["en"] else None,
+        dialect=dialect_from(row["dialect"], f"loop {name}"),
+        tolerance=Tolerance(row["ulp_max"], row["mv_tolerance"]),
+        pv_range=_pair(row["pv_range"]),
+        mv_range=_pair(row["mv_range"]),
+        **{field: row[field] for field in _LOOP_PLAIN},
+    )
+
+
+def _pair(value: list[float] | None) -> tuple[float, float] | None:
+    return (value[0], value[1]) if value else None

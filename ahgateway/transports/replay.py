@@ -1,0 +1,125 @@
+"""A link to what a recording saw: reads are answered from the raw words of the time, writes are refused.
+
+`replay://FILE` lets every command that only reads run on a recording: the memory is that of the newest picture at the
+time on the clock. Where each operand stood is in the recording itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ahgateway.clock import SECOND, Clock
+from ahgateway.codec import block
+from ahgateway.codec.access import Read, Request, Table
+from ahgateway.codec.devices import Device
+from ahgateway.codec.station import Const, Station
+from ahgateway.core.operands import Kind
+from ahgateway.errors import LinkError, PlcRefusedError
+from ahgateway.recording.reader import Recording, Row
+from ahgateway.transports.base import LinkFigures, Reply
+
+ILLEGAL_FUNCTION, ILLEGAL_ADDRESS = 1, 2
+
+
+class RecordedClock:
+    """The clock of a recording: it starts when the recording starts and runs `speed` times as fast as `inner`."""
+
+    def __init__(self, inner: Clock, start_ns: int, utc_start_ns: int, speed: float) -> None:
+        if speed <= 0.0:
+            raise ValueError(f"speed must be above 0: {speed}")
+        self._inner = inner
+        self._begun_ns = inner.now_ns()
+        self._start_ns = start_ns
+        self._utc_offset_ns = utc_start_ns - start_ns
+        self._speed = speed
+
+    def now_ns(self) -> int:
+        return self._start_ns + round((self._inner.now_ns() - self._begun_ns) * self._speed)
+
+    def utc_ns(self) -> int:
+        return self.now_ns() + self._utc_offset_ns
+
+    async def sleep_ns(self, duration_ns: int) -> None:
+        await self._inner.sleep_ns(round(max(0, duration_ns) / self._speed))
+
+
+class ReplayLink:
+    """Answers reads from a recording, at the time of the clock; a `Link`."""
+
+    def __init__(self, recording: Recording, clock: Clock) -> None:
+        self.target = f"replay://{recording.path}"
+        self.figures = LinkFigures()
+        self._recording = recording
+        self._clock = clock
+        self._cells: dict[Table, dict[int, int]] = {table: {} for table in Table}
+        self._rows: Iterator[Row] = recording.rows()
+        self._next: Row | None = next(self._rows, None)
+        self._newest: Row | None = None
+        self._is_closed = False
+
+    async def exchange(self, request: Request) -> Reply:
+        """Answer one read from the newest picture.
+
+        Raises:
+            LinkError: The recording is over, or the link has been closed.
+            PlcRefusedError: It is a write, or these addresses were not recorded.
+        """
+        if self._is_closed:
+            raise LinkError(f"{self.target}: the link has been closed")
+        self.figures.requests += 1
+        if not isinstance(request, Read):
+            self.figures.refused += 1
+            raise PlcRefusedError(f"{self.target}: a recording takes no writes", code=ILLEGAL_FUNCTION)
+        now_ns = self._clock.now_ns()
+        self._advance(now_ns)
+        cells = self._cells[request.table]
+        wanted = range(request.address, request.address + request.count)
+        missing = [address for address in wanted if address not in cells]
+        if missing and len(missing) == request.count:
+            self.figures.refused += 1
+            raise PlcRefusedError(
+                f"{self.target}: {request.table.value} {missing[0]:#06x} was not recorded", code=ILLEGAL_ADDRESS
+            )
+        assert self._newest is not None
+        self.figures.replies += 1
+        # What was read in vain to fill a gap stands in no operand; nobody looks at it.
+        values = tuple(cells.get(address, 0) for address in wanted)
+        return Reply(request, values, now_ns, now_ns, now_ns, self._newest.aligned_since_ns)
+
+    async def close(self) -> None:
+        """Release the recording. May be called twice."""
+        self._is_closed = True
+        self._recording.close()
+
+    def _advance(self, now_ns: int) -> None:
+        while self._next is not None and (self._next.last_ns <= now_ns or self._newest is None):
+            self._newest = self._next
+            lay_out(self._recording.station, self._newest, self._cells)
+            self._next = next(self._rows, None)
+        if self._next is None and (self._newest is None or now_ns > self._newest.last_ns + SECOND):
+            raise LinkError(f"{self.target}: the recording is over")
+
+
+def lay_out(station: Station, row: Row, cells: dict[Table, dict[int, int]]) -> None:
+    """Put a row's words where they stood in the PLC's memory; constants stood nowhere."""
+    loop = next(loop for loop in station.loops if loop.name == row.loop)
+    for operand in loop.controller.operands:
+        binding = loop.bindings[operand.name]
+        if not isinstance(binding, Const):
+            _put(station, binding, operand.kind is Kind.BOOL, row.words[operand.name], cells)
+    if loop.en is not None:
+        _put(station, loop.en, True, row.words[block.EN], cells)
+    if station.running is not None and row.running is not None:
+        _put(station, station.running, True, (int(row.running),), cells)
+
+
+def _put(
+    station: Station, device: Device, is_bit: bool, words: tuple[int, ...], cells: dict[Table, dict[int, int]]
+) -> None:
+    place = station.devices.address(device, bits=is_bit)
+    table = cells[place.table]
+    if place.bit is not None and not place.table.is_bits:
+        word = table.get(place.address, 0) & ~(1 << place.bit)
+        table[place.address] = word | (words[0] & 1) << place.bit
+        return
+    table.update(zip(range(place.address, place.address + len(words)), words, strict=True))
