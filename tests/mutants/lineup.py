@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ahgateway.core.controllers import Controller, dpid, dpide
+from ahgateway.core.controllers import Controller, delta_terms, dpid, dpide
 from ahgateway.core.real import REAL
 
 Step = Callable[[Any, Any, Any, REAL], tuple[Any, Any]]
@@ -35,15 +35,23 @@ class Suspect:
 
 
 def changed(law: types.ModuleType, changes: Changes) -> Suspect:
-    """Compile the law with each line of `changes` replaced; AssertionError unless each stands there once."""
-    source = inspect.getsource(law)
+    """Compile the law and its terms with each line of `changes` replaced; AssertionError unless each stands there once.
+
+    A line stands in the law's own file or in that of the terms which both laws share.
+    """
+    sources = {module: inspect.getsource(module) for module in (law, delta_terms)}
     for old, new in changes:
-        assert source.count(old) == 1, f"{source.count(old)} times in {law.__name__}: {old}"
-        source = source.replace(old, new)
-    mutant = types.ModuleType(f"{law.__name__}_mutant")
-    exec(compile(FUSED, mutant.__name__, "exec"), mutant.__dict__ | {"REAL": REAL}, mutant.__dict__)
-    exec(compile(source, mutant.__name__, "exec"), mutant.__dict__)
-    return Suspect(mutant.step, mutant.nominal_ts)
+        counts = {module: source.count(old) for module, source in sources.items()}
+        assert sum(counts.values()) == 1, f"{counts}: {old}"
+        home = max(counts, key=lambda module: counts[module])
+        sources[home] = sources[home].replace(old, new)
+    mutants = {}
+    for module, source in sources.items():
+        mutants[module] = mutant = types.ModuleType(f"{module.__name__}_mutant")
+        exec(compile(FUSED, mutant.__name__, "exec"), mutant.__dict__ | {"REAL": REAL}, mutant.__dict__)
+        exec(compile(source, mutant.__name__, "exec"), mutant.__dict__)
+    mutants[law].__dict__["terms_of"] = mutants[delta_terms]
+    return Suspect(mutants[law].step, mutants[law].nominal_ts)
 
 
 def one_scan_late(controller: Controller) -> Suspect:
@@ -76,47 +84,65 @@ def binary64_inside(controller: Controller) -> Suspect:
     return Suspect(step, controller.nominal_ts)
 
 
+TOTAL = "raw = _total(operands, dialect, kc, p, e, after, j, d, inner)"
+SUMMED = "raw = terms_of.summed(dialect, p, after, d)"
+THIS_ERROR = "== Integrator.DVP:\n        return e\n"
+
 COMMON: dict[str, Changes] = {
     "direction reversed": (
-        ("if operands.pid_dir else pv - operands.sv", "if not operands.pid_dir else pv - operands.sv"),
+        (
+            "return operands.sv - pv if operands.pid_dir != bool",
+            "return operands.sv - pv if operands.pid_dir == bool",
+        ),
     ),
-    "integral never frozen above": (("flags |= flag.FREEZE_HI\n", "flags |= flag.FREEZE_HI; i = candidate\n"),),
-    "integral never frozen below": (("flags |= flag.FREEZE_LO\n", "flags |= flag.FREEZE_LO; i = candidate\n"),),
+    "integral never frozen above": (
+        (
+            "flag.FREEZE_HI if over else flag.FREEZE_LO\n",
+            "flag.FREEZE_HI if over else flag.FREEZE_LO\n    if over:\n        return candidate, flags\n",
+        ),
+    ),
+    "integral never frozen below": (
+        (
+            "flag.FREEZE_HI if over else flag.FREEZE_LO\n",
+            "flag.FREEZE_HI if over else flag.FREEZE_LO\n    if under:\n        return candidate, flags\n",
+        ),
+    ),
     "integral frozen outward only": (("dialect.freeze == Freeze.OUTWARD", "True"),),
-    "integral added after the output": (("raw = ((p + candidate)", "raw = ((p + i)"),),
-    "bumpless transfer ignored": (("elif state.man1 and", "elif False and"),),
+    "bumpless transfer ignored": (("if state.man1 and not manual", "if False and not manual"),),
     "manual value not limited": (("mv = limit(mv_min, mout, mv_max)", "mv = mout"),),
     "MOUT does not follow": (("mout = mv\n", "pass\n"),),
-    "limits not exchanged": (("if mv_max < mv_min:", "if False:"),),
+    "limits not exchanged": (("if mv_max < mv_min and", "if False and"),),
     "PID_RUN off clears the integral": (
         ("kept = ZERO if dialect.run_off == RunOff.CLEAR else state.i", "kept = ZERO"),
     ),
-    "PID_RUN off keeps MV": (("stopped = State(kept, state.pv1, ZERO,", "stopped = State(kept, state.pv1, state.mv,"),),
-    "history of the last run after PID_RUN off": (("if state.valid else e\n", "\n"),),
-    "limit tested with equality": (("if raw > mv_max:", "if raw >= mv_max:"),),
+    "PID_RUN off keeps MV": (("stopped = State(kept, pv1, ZERO,", "stopped = State(kept, pv1, state.mv,"),),
+    "limit tested with equality": (
+        (
+            "over, under = bool(tested > high), bool(tested < low)",
+            "over, under = bool(tested >= high), bool(tested < low)",
+        ),
+    ),
+    "Ts before Ki": (("return (k * x) * ts", "return k * (x * ts)"),),
+    "forward Euler": ((THIS_ERROR, THIS_ERROR.replace("return e", "return e1")),),
+    "trapezoid": ((THIS_ERROR, THIS_ERROR.replace("return e", "return (e + e1) * HALF")),),
 }
 
 DPID: dict[str, Changes] = COMMON | {
-    "integral added after the output": (("raw = (p + candidate)", "raw = (p + i)"),),
+    "integral added after the output": ((SUMMED, SUMMED.replace("after", "before")),),
+    "history of the last run after PID_RUN off": (("e1, pv1 = e, operands.pv\n", "pass\n"),),
     "Ts ten times too short": (("HUNDRED = REAL(100)", "HUNDRED = REAL(1000)"),),
-    "derivative of PV": (("kd * (e - e1)", "kd * ((state.pv1 if state.valid else operands.pv) - operands.pv)"),),
-    "dead band ignored": (("if operands.err_dbw != ZERO and", "if False and"),),
-    "dead band without its edges": (("abs(er) <= abs", "abs(er) < abs"),),
-    "dead band shifts the error": (
-        ("    return er\n", "    return er - operands.err_dbw if er > ZERO else er + operands.err_dbw\n"),
-    ),
-    "P and I limited before D": (("raw = (p + candidate) + d", "raw = limit(mv_min, p + candidate, mv_max) + d"),),
-    "sum from the right": (("raw = (p + candidate) + d", "raw = p + (candidate + d)"),),
-    "forward Euler": (("increment = (ki * e) * ts", "increment = (ki * e1) * ts"),),
-    "trapezoid": (("increment = (ki * e) * ts", "increment = (ki * ((e + e1) * REAL(0.5))) * ts"),),
-    "Ts before Ki": (("increment = (ki * e) * ts", "increment = ki * (e * ts)"),),
-    "fused integral": (("candidate = i + increment if", "candidate = fused(ki * e, ts, i) if"),),
-    "fused P": (("raw = (p + candidate) + d", "raw = fused(kp, e, candidate) + d"),),
-    "slope before Kd": (("(kd * (e - e1)) / ts", "kd * ((e - e1) / ts)"),),
-    "mode 2 counts as 0": (("operands.pid_mode != 2", "True"),),
+    "derivative of PV": (("if dialect.derivative_of:", "if True:"),),
+    "dead band ignored": (("if operands.err_dbw == ZERO:\n        return er", "if True:\n        return er"),),
+    "dead band without its edges": (("or not dialect.band_edge", "or dialect.band_edge"),),
+    "dead band shifts the error": (("if dialect.band == Band.SHIFTED:", "if True:"),),
+    "P and I limited before D": ((SUMMED, "raw = limit(low, p + after, high) + d"),),
+    "sum from the right": (("return (p + i) + d", "return p + (i + d)"),),
+    "fused integral": (("return i + step, step", "return fused(k * x, ts, i), step"),),
+    "slope before Kd": (("return (kd * change) / ts", "return kd * (change / ts)"),),
+    "mode 2 counts as 0": (("if mode == 2:", "if False:"),),
     "integral kept without Ki": (
-        ("        if ki <= ZERO:\n            i = ZERO\n", ""),
-        ("if ki > ZERO else ZERO\n        raw", "if ki > ZERO else i\n        raw"),
+        ("if i == ZERO or not dialect.ki_off:", "if i == ZERO:"),
+        ("(i if dialect.ki_off == KiOff.HELD else ZERO)", "i"),
     ),
     "negative gains used": (
         (
@@ -130,49 +156,59 @@ DPID: dict[str, Changes] = COMMON | {
             "State(i, operands.pv, mv, state.e1 if manual else e, manual, True)",
         ),
     ),
-    "transfer forgets D": (("i = (state.mv - p) - d", "i = state.mv - p"),),
+    "transfer forgets D": (("if dialect.preset_d:", "if True:"),),
 }
 
 DPIDE: dict[str, Changes] = COMMON | {
+    "integral added after the output": ((TOTAL, TOTAL.replace("after, j", "before, j_before")),),
+    "history of the last run after PID_RUN off": (("fresh = not state.valid and", "fresh = False and"),),
     "Ts ten times too short": (("THOUSAND = REAL(1000)", "THOUSAND = REAL(10000)"),),
     "derivative of E and PV exchanged": (("if not operands.pid_de:", "if operands.pid_de:"),),
     "derivative of PV with the wrong sign": (
-        ("return -moved if operands.pid_dir else moved", "return moved if operands.pid_dir else -moved"),
+        ("return -moved if operands.pid_dir != bool", "return -moved if operands.pid_dir == bool"),
     ),
-    "dead band ignored": (("e = ZERO if cross else er\n    e1 = state", "e = er\n    e1 = state"),),
-    "dead band without zero crossing": (
-        ("return bool(cross or er == ZERO or _sign(er) != _sign(er1))", "return True"),
+    "dead band ignored": (("e = ZERO if cross else er\n    e1 = e if", "e = er\n    e1 = e if"),),
+    "dead band without zero crossing": (("if cross or dialect.cross_band == CrossBand.PLAIN:", "if True:"),),
+    "dead band with its edges": (
+        ("(abs(er) == abs(operands.err_dbw) and dialect.cross_edge)", "abs(er) == abs(operands.err_dbw)"),
     ),
-    "dead band with its edges": (("abs(er) < abs", "abs(er) <= abs"),),
     "touching SV is no crossing": (
-        ("cross or er == ZERO or _sign(er) != _sign(er1)", "cross or _sign(er) * _sign(er1) < 0"),
+        ("(er == ZERO or er1 == ZERO) and dialect.cross_touch", "er == ZERO or er1 == ZERO"),
     ),
     "PV moves for D while crossed": (("moved = ZERO if cross else operands.pv - pv1", "moved = operands.pv - pv1"),),
     "BIAS after the limiter": (
-        ("raw = ((p + candidate) + d) + bias", "raw = limit(mv_min, (p + candidate) + d, mv_max) + bias"),
+        (TOTAL, "raw = limit(low, terms_of.summed(dialect, p, after, d), high) + operands.bias"),
     ),
-    "BIAS ignored by the transfer": (("i = ((state.mv - p) - d) - bias", "i = (state.mv - p) - d"),),
-    "sum from the right": (("raw = ((p + candidate) + d) + bias", "raw = p + (candidate + (d + bias))"),),
-    "BIAS summed first": (("raw = ((p + candidate) + d) + bias", "raw = ((bias + p) + candidate) + d"),),
-    "forward Euler": (("else (ti_ki * e) * ts", "else (ti_ki * e1) * ts"),),
-    "Ts before Ki": (("else (ti_ki * e) * ts", "else ti_ki * (e * ts)"),),
-    "fused integral": (
-        ("candidate = i + increment", "candidate = fused(ti_ki * e, ts, i) if not operands.pid_eq else i + increment"),
+    "BIAS ignored by the transfer": (("return ((mv - p) - d) - bias", "return (mv - p) - d"),),
+    "sum from the right": (
+        ("return summed(dialect, p, i, d) + bias\n    first", "return p + (i + (d + bias))\n    first"),
     ),
-    "Tf ignored": (("d = ((tf * state.d) + (kd * delta_x)) / (tf + ts)", "d = (kd * delta_x) / ts"),),
+    "BIAS summed first": (
+        ("return summed(dialect, p, i, d) + bias\n    first", "return ((bias + p) + i) + d\n    first"),
+    ),
+    "fused integral": (("return i + step, step", "return (i + step if dependent else fused(k * x, ts, i)), step"),),
+    "fused filter": (("return ((tf * d) + (kd * change)) / span", "return fused(tf, d, kd * change) / span"),),
+    "Tf ignored": (("    kd = td_kd\n    if", "    tf = ZERO\n    kd = td_kd\n    if"),),
     "filter by forward Euler": (
         (
-            "d = ((tf * state.d) + (kd * delta_x)) / (tf + ts)",
-            "d = state.d + (ts / (tf + ts)) * (((kd * delta_x) / ts) - state.d)",
+            "return ((tf * d) + (kd * change)) / span",
+            "return d + (ts / span) * (((kd * change) / ts) - d)",
         ),
     ),
-    "filter stands still in manual": (("d if finite(d) else ZERO, er", "state.d if manual else d, er"),),
-    "PID_RUN off keeps the filter": (("ZERO, state.e1, ZERO, state.er1", "ZERO, state.e1, state.d, state.er1"),),
-    "Kc does not scale D": (("kd = kc * td_kd if operands.pid_eq else td_kd", "kd = td_kd"),),
-    "Kc does not scale I": (("(p * ts) / ti_ki", "(e * ts) / ti_ki"),),
-    "1/Ti taken first": (("(p * ts) / ti_ki", "p * (ts / ti_ki)"),),
-    "PID_EQ ignored": (("increment = (p * ts) / ti_ki if operands.pid_eq else", "increment ="),),
-    "integral kept while Kc is 0": (("integrating = ti_ki > ZERO and not dead", "integrating = ti_ki > ZERO"),),
+    "filter stands still in manual": (
+        ("if dialect.manual_filter and (content != state.d):", "if True:"),
+        ("state.d if dialect.manual_filter == ManualFilter.HELD else ZERO", "state.d"),
+    ),
+    "PID_RUN off keeps the filter": (("d, cross = ZERO, False\n", "d, cross = state.d, False\n"),),
+    "Kc does not scale D": (("kd = kc * td_kd\n", "kd = td_kd\n"),),
+    "Kc does not scale I": (
+        ("gain = ONE if dialect.integral_store == IntegralStore.WITHOUT_KC else kc", "gain = ONE"),
+    ),
+    "1/Ti taken first": (("product(dialect, gain, x, ts) / k", "(gain * x) * (ts / k)"),),
+    "PID_EQ ignored": (("if not dependent:\n        return product(", "if True:\n        return product("),),
+    "integral kept while Kc is 0": (
+        ("integrating = bool(ti_ki > ZERO and not dead)", "integrating = bool(ti_ki > ZERO)"),
+    ),
 }
 
 LAWS = {"DPID": (dpid, DPID), "DPIDE": (dpide, DPIDE)}

@@ -41,7 +41,9 @@ class Controller:
         terms: NamedTuple type of what a step publishes.
         step: `step(inputs, state, dialect, ts)` to the next state and terms; pure.
         nominal_ts: Configured sampling time in s, from the inputs.
-        recall: Bounds of the hidden state after an execution of which inputs and block are known.
+        recall: Bounds of the hidden state after an execution of which inputs, block and dialect are known.
+        law_ts: Ts as the law takes it, from inputs, dialect and, where that measures, ticks of its clock; None: as
+            configured.
     """
 
     name: str
@@ -52,7 +54,8 @@ class Controller:
     terms: Callable[..., Any]
     step: Callable[[Any, Any, Any, REAL], tuple[Any, Any]]
     nominal_ts: Callable[[Any], REAL]
-    recall: Callable[[Any, Any], tuple[tuple[Any, Any], ...]]
+    recall: Callable[..., tuple[tuple[Any, Any], ...]]
+    law_ts: Callable[[Any, Any, int], REAL] | None = None
 
     def operand(self, name: str) -> Operand:
         """Return the row of the operand with the manual's name; KeyError for another name."""
@@ -60,6 +63,10 @@ class Controller:
             if row.name == name:
                 return row
         raise KeyError(name)
+
+    def ts(self, inputs: Any, dialect: Any, ticks: int = 0) -> REAL:
+        """Return Ts as `step` takes it in this dialect; `ticks` of the dialect's clock count where it measures."""
+        return self.nominal_ts(inputs) if self.law_ts is None else self.law_ts(inputs, dialect, ticks)
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -83,6 +90,7 @@ DPID = Controller(
     dpid.step,
     dpid.nominal_ts,
     dpid.recall,
+    dpid.law_ts,
 )
 
 DPIDE = Controller(
@@ -100,6 +108,7 @@ DPIDE = Controller(
     dpide.step,
     dpide.nominal_ts,
     dpide.recall,
+    dpide.law_ts,
 )
 
 CONTROLLERS: dict[str, Controller] = {controller.name: controller for controller in (DPID, DPIDE)}

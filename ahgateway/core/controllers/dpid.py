@@ -1,7 +1,7 @@
 """Delta DPID (API 0707): position form, independent gains, MV = Kp·E + Ki·∫E dt + Kd·dE/dt.
 
-This file alone decides the order of DPID's operations; in REAL another order is another controller. It does not
-know when an execution is due, nor where operands stand in a PLC.
+This file alone decides the order of DPID's law; what its parts compute in a dialect stands in `delta_terms`. It does
+not know when an execution is due, nor where operands stand in a PLC.
 
 Theory of operation: sanitise, error with its plain dead band, P and D, then either manual (MV = MOUT, integral
 held), the bumpless transfer (the integral is set so that MV goes on from where it is) or the automatic step, in
@@ -19,12 +19,14 @@ from typing import NamedTuple
 
 from ahgateway.core import flags as flag
 from ahgateway.core.controllers import delta
+from ahgateway.core.controllers import delta_terms as terms_of
 from ahgateway.core.controllers.delta import ZERO, clamped_cycle, finite, gain, limit
-from ahgateway.core.dialect import Dialect, Freeze, RunOff
+from ahgateway.core.dialect import DEFAULT, Band, Dialect, Freeze, Limits, ManualIntegral, RunOff, RunOffHistory
 from ahgateway.core.operands import Kind, Operand
 from ahgateway.core.real import REAL
 
 HUNDRED = REAL(100)
+ONE = REAL(1)
 CYCLE_MAX = 2000
 
 OPERANDS: tuple[Operand, ...] = (
@@ -108,15 +110,34 @@ def nominal_ts(operands: Operands) -> REAL:
     return REAL(clamped_cycle(operands.cycle, CYCLE_MAX)) / HUNDRED
 
 
-def raw_error(operands: Operands, pv: REAL) -> REAL:
+def law_ts(operands: Operands, dialect: Dialect, ticks: int = 0) -> REAL:
+    """Return Ts as the law takes it: from CYCLE, or from `ticks` of the dialect's clock where it measures."""
+    per_second = terms_of.ticks_per_second(dialect)
+    if per_second:
+        return terms_of.interval(dialect, ticks, per_second)
+    return terms_of.interval(dialect, clamped_cycle(operands.cycle, CYCLE_MAX), 100)
+
+
+def raw_error(operands: Operands, pv: REAL, dialect: Dialect = DEFAULT) -> REAL:
     """E by PID_DIR for this PV, before the dead band."""
-    return operands.sv - pv if operands.pid_dir else pv - operands.sv
+    return operands.sv - pv if operands.pid_dir != bool(dialect.direction) else pv - operands.sv
 
 
-def error(operands: Operands, er: REAL) -> REAL:
-    """E that counts for this raw error: 0 inside the dead band, edges included."""
-    if operands.err_dbw != ZERO and abs(er) <= abs(operands.err_dbw):
-        return ZERO
+def inside_band(operands: Operands, er: REAL, dialect: Dialect) -> bool:
+    """Tell whether this raw error lies inside the dead band."""
+    if operands.err_dbw == ZERO or abs(er) > abs(operands.err_dbw):
+        return False
+    return abs(er) != abs(operands.err_dbw) or not dialect.band_edge
+
+
+def error(operands: Operands, er: REAL, dialect: Dialect = DEFAULT) -> REAL:
+    """E that counts for this raw error: 0 inside the dead band."""
+    if operands.err_dbw == ZERO:
+        return er
+    if inside_band(operands, er, dialect):
+        return er if dialect.band == Band.OFF else ZERO
+    if dialect.band == Band.SHIFTED:
+        return er - abs(operands.err_dbw) if er > ZERO else er + abs(operands.err_dbw)
     return er
 
 
@@ -127,19 +148,17 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
         operands: Gains, limits, flags and values as the PLC holds them; nothing needs to be in range.
         state: What the execution before left behind.
         dialect: Choices where the manual is silent.
-        ts: Sampling time in s, positive; the nominal one is `nominal_ts`.
+        ts: Sampling time as the law takes it, positive; `law_ts` makes it.
 
     Returns:
         The next state, and every term of MV.
     """
     if not operands.pid_run:
-        kept = ZERO if dialect.run_off == RunOff.CLEAR else state.i
-        stopped = State(kept, state.pv1, ZERO, state.e1, state.man1, False)
-        return stopped, Terms(ZERO, ZERO, kept, ZERO, ZERO, ZERO, operands.mout, flag.STOPPED)
+        return _stopped(operands, state, dialect)
     if operands.pid_mode == 1:
         return state, _held(operands, state, flag.AUTOTUNE)
 
-    er = raw_error(operands, operands.pv)
+    er = raw_error(operands, operands.pv, dialect)
     manual = operands.pid_man
     # A raw error is a number only if SV and PV are.
     if not finite(er) or (manual and not finite(operands.mout)):
@@ -150,57 +169,133 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
         flags |= flag.BAD_PARAM
     kp, ki, kd = gain(operands.kp), gain(operands.ki), gain(operands.kd)
     mv_max, mv_min = operands.mv_max, operands.mv_min
-    if mv_max < mv_min:
+    if mv_max < mv_min and dialect.limits != Limits.AS_WRITTEN:
         mv_max, mv_min = mv_min, mv_max
         flags |= flag.LIMITS_SWAPPED
 
-    e = error(operands, er)
-    e1 = state.e1 if state.valid else e
+    e = error(operands, er, dialect)
+    e1, pv1 = state.e1, state.pv1
+    if not state.valid and not (kd > ZERO and dialect.first_history):
+        e1, pv1 = e, operands.pv
     p = kp * e
     # Off is 0, whatever E does: 0 times a difference that overflows would be no number.
-    d = (kd * (e - e1)) / ts if kd > ZERO else ZERO
+    d = _derivative(operands, dialect, kd, e - e1, pv1, ts) if kd > ZERO else ZERO
 
     i = state.i
     mout = operands.mout
+    kind = 0
+    if state.man1 and not manual and ki > ZERO:
+        kind = terms_of.transfer_kind(operands.pid_mode, dialect)
+    if kind > 0:
+        flags |= flag.BUMPLESS
+        i = terms_of.stored(
+            dialect, False, ki, ONE, terms_of.preset_term(dialect, kind, state.mv, p, d, ZERO, mv_min, mv_max)
+        )
     if manual:
         flags |= flag.MANUAL
         raw = mout
         mv = limit(mv_min, mout, mv_max)
-    elif state.man1 and operands.pid_mode != 2 and ki > ZERO:
-        flags |= flag.BUMPLESS
-        i = (state.mv - p) - d
-        if not finite(i):
-            return state, _held(operands, state, flags | flag.BAD_INPUT)
+        if ki > ZERO and dialect.manual_integral:
+            i = _in_manual(dialect, i, ki, e, e1, ts, mv, p, d, mv_min, mv_max)
+    elif kind == 1 and not dialect.preset_integrates:
         raw = state.mv
         mv = limit(mv_min, state.mv, mv_max)
+    elif operands.err_dbw != ZERO and dialect.band == Band.MV_ZERO and inside_band(operands, er, dialect):
+        raw = ZERO
+        mv = limit(mv_min, ZERO, mv_max)
     else:
-        increment = (ki * e) * ts if ki > ZERO else ZERO
-        candidate = i + increment if ki > ZERO else ZERO
-        raw = (p + candidate) + d
-        if raw != raw:
-            return state, _held(operands, state, flags | flag.BAD_INPUT)
-        if raw > mv_max:
-            mv = mv_max
-            flags |= flag.FREEZE_HI
-            inward = bool(increment < ZERO)
-        elif raw < mv_min:
-            mv = mv_min
-            flags |= flag.FREEZE_LO
-            inward = bool(increment > ZERO)
-        else:
-            mv = raw
-            i = candidate
-            inward = False
-        if inward:
-            if dialect.freeze == Freeze.OUTWARD:
-                i = candidate
-            else:
-                flags |= flag.LOCKUP
-        if ki <= ZERO:
-            i = ZERO
-    if operands.mout_auto and not manual:
+        i, raw, mv, limit_flags = _automatic(dialect, state.mv, i, ki, p, e, e1, d, ts, mv_min, mv_max)
+        flags |= limit_flags
+    if raw != raw or (kind > 0 and not finite(i)):
+        return state, _held(operands, state, flags | flag.BAD_INPUT)
+    if operands.mout_auto and (not manual or (mv != mout and dialect.mout_auto)):
         mout = mv
+    if manual and dialect.manual_history:
+        return State(i, state.pv1, mv, state.e1, True, state.valid), Terms(e, p, i, d, raw, mv, mout, flags)
     return State(i, operands.pv, mv, e, manual, True), Terms(e, p, i, d, raw, mv, mout, flags)
+
+
+def _automatic(
+    dialect: Dialect,
+    mv_before: REAL,
+    i: REAL,
+    ki: REAL,
+    p: REAL,
+    e: REAL,
+    e1: REAL,
+    d: REAL,
+    ts: REAL,
+    low: REAL,
+    high: REAL,
+) -> tuple[REAL, REAL, REAL, int]:
+    """Integrate, add, limit: the integral, the sum, MV and FREEZE flags."""
+    if ki > ZERO:
+        x = terms_of.integrated(dialect, e, e1)
+        candidate, increment = terms_of.advanced(dialect, False, ki, ONE, x, ts, i)
+        before = terms_of.term(dialect, False, ki, ONE, i)
+        after = terms_of.term(dialect, False, ki, ONE, candidate)
+        if dialect.integral_used:
+            after = before
+    else:
+        candidate, after = terms_of.idle(dialect, i)
+        before, increment = after, ZERO
+    raw = terms_of.summed(dialect, p, after, d)
+    tested = raw
+    if d != ZERO:
+        without = p + after
+        if terms_of.outside(without, low, high) != terms_of.outside(raw, low, high) and dialect.freeze_test:
+            tested = without
+    kept, flags = terms_of.limited(dialect, tested, low, high, mv_before, i, candidate, increment)
+    mv = limit(low, raw, high)
+    if flags and ki > ZERO and kept != candidate:
+        if dialect.limited_output:
+            mv = limit(low, terms_of.summed(dialect, p, before, d), high)
+        if dialect.freeze == Freeze.BACK_CALCULATED:
+            kept = terms_of.stored(dialect, False, ki, ONE, terms_of.preset(dialect, mv, p, d, ZERO))
+    return (kept if ki > ZERO else candidate), raw, mv, flags
+
+
+def _in_manual(
+    dialect: Dialect,
+    i: REAL,
+    ki: REAL,
+    e: REAL,
+    e1: REAL,
+    ts: REAL,
+    mv: REAL,
+    p: REAL,
+    d: REAL,
+    low: REAL,
+    high: REAL,
+) -> REAL:
+    """The integral where it does not stand in manual: it runs on, or follows MV as a transfer would set it."""
+    if dialect.manual_integral == ManualIntegral.TRACKS:
+        followed = terms_of.stored(dialect, False, ki, ONE, terms_of.preset_term(dialect, 1, mv, p, d, ZERO, low, high))
+        return followed if finite(followed) else i
+    return terms_of.advanced(dialect, False, ki, ONE, terms_of.integrated(dialect, e, e1), ts, i)[0]
+
+
+def _derivative(operands: Operands, dialect: Dialect, kd: REAL, change: REAL, pv1: REAL, ts: REAL) -> REAL:
+    """D of the error, or of PV with the sign of the direction."""
+    if dialect.derivative_of:
+        moved = operands.pv - pv1
+        change = -moved if operands.pid_dir != bool(dialect.direction) else moved
+    return terms_of.slope(dialect, kd, change, ts)
+
+
+def _stopped(operands: Operands, state: State, dialect: Dialect) -> tuple[State, Terms]:
+    """PID_RUN is FALSE: MV is 0, and nothing is computed."""
+    kept = ZERO if dialect.run_off == RunOff.CLEAR else state.i
+    mout = ZERO if operands.mout_auto and dialect.run_off_mout else operands.mout
+    e1, pv1, valid = state.e1, state.pv1, False
+    if dialect.run_off_history == RunOffHistory.KEPT:
+        valid = state.valid
+    elif dialect.run_off_history == RunOffHistory.TRACKED:
+        er = raw_error(operands, operands.pv, dialect)
+        if finite(er):
+            e1, pv1, valid = error(operands, er, dialect), operands.pv, True
+    stopped = State(kept, pv1, ZERO, e1, state.man1, valid)
+    return stopped, Terms(ZERO, ZERO, kept, ZERO, ZERO, ZERO, mout, flag.STOPPED)
 
 
 def _held(operands: Operands, state: State, flags: int) -> Terms:
@@ -208,18 +303,22 @@ def _held(operands: Operands, state: State, flags: int) -> Terms:
     return Terms(ZERO, ZERO, state.i, ZERO, state.mv, state.mv, operands.mout, flags)
 
 
-def recall(operands: Operands, seen: State) -> tuple[tuple[State, State], ...]:
+def recall(operands: Operands, seen: State, dialect: Dialect = DEFAULT) -> tuple[tuple[State, State], ...]:
     """Return what the execution before can have left hidden, given what the block shows after it.
 
     Args:
         operands: What that execution read, as far as known.
         seen: `i`, `pv1` and `mv` as read from the PLC; the rest is ignored.
+        dialect: Choices where the manual is silent.
 
     Returns:
         Pairs of a lowest and a highest state that bound each possibility, here always equal: one pair, or two while
-        PID_RUN is FALSE, which leaves it open what the last execution in RUN was.
+        PID_RUN is FALSE, which leaves it open what the last execution in RUN was. None where the history stands still
+        since a time that nobody saw.
     """
-    e1 = error(operands, raw_error(operands, seen.pv1))
     manuals = (operands.pid_man,) if operands.pid_run else (False, True)
+    if (operands.pid_man and dialect.manual_history) or not (operands.pid_run or not dialect.run_off_history):
+        return ()
+    e1 = error(operands, raw_error(operands, seen.pv1, dialect), dialect)
     states = [State(seen.i, seen.pv1, seen.mv, e1, man1, operands.pid_run) for man1 in manuals]
     return tuple((state, state) for state in states)

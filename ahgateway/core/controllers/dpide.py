@@ -1,7 +1,7 @@
 """Delta DPIDE (API 0708): position form, independent or dependent gains, filtered D on E or PV, BIAS.
 
-This file alone decides the order of DPIDE's operations. It does not know when an execution is due, nor where
-operands stand in a PLC.
+This file alone decides the order of DPIDE's law; what its parts compute in a dialect stands in `delta_terms`. It does
+not know when an execution is due, nor where operands stand in a PLC.
 
 Theory of operation: as DPID, with four differences. The dead band is the zero-cross one: the true error counts until
 PV has passed SV inside the band, then 0 until PV leaves it. D runs through a first-order filter Tf (backward
@@ -19,12 +19,27 @@ from typing import NamedTuple
 
 from ahgateway.core import flags as flag
 from ahgateway.core.controllers import delta
+from ahgateway.core.controllers import delta_terms as terms_of
 from ahgateway.core.controllers.delta import ZERO, clamped_cycle, finite, gain, limit
-from ahgateway.core.dialect import Dialect, Freeze, RunOff
+from ahgateway.core.dialect import (
+    DEFAULT,
+    CrossBand,
+    CrossD,
+    Dialect,
+    Filter,
+    Freeze,
+    IntegralStore,
+    Limits,
+    ManualFilter,
+    ManualIntegral,
+    RunOff,
+    RunOffHistory,
+)
 from ahgateway.core.operands import Kind, Operand
 from ahgateway.core.real import REAL
 
 THOUSAND = REAL(1000)
+ONE = REAL(1)
 CYCLE_MAX = 40000
 D_BOUND = REAL(1e30)
 """Any D filter content that a real loop can hold lies within ±D_BOUND (ASSUMED)."""
@@ -131,21 +146,35 @@ def nominal_ts(operands: Operands) -> REAL:
     return REAL(clamped_cycle(operands.cycle, CYCLE_MAX)) / THOUSAND
 
 
-def raw_error(operands: Operands, pv: REAL) -> REAL:
+def law_ts(operands: Operands, dialect: Dialect, ticks: int = 0) -> REAL:
+    """Return Ts as the law takes it: from CYCLE, or from `ticks` of the dialect's clock where it measures."""
+    per_second = terms_of.ticks_per_second(dialect)
+    if per_second:
+        return terms_of.interval(dialect, ticks, per_second)
+    return terms_of.interval(dialect, clamped_cycle(operands.cycle, CYCLE_MAX), 1000)
+
+
+def raw_error(operands: Operands, pv: REAL, dialect: Dialect = DEFAULT) -> REAL:
     """E by PID_DIR for this PV, before the dead band."""
-    return operands.sv - pv if operands.pid_dir else pv - operands.sv
+    return operands.sv - pv if operands.pid_dir != bool(dialect.direction) else pv - operands.sv
 
 
-def inside_band(operands: Operands, er: REAL) -> bool:
-    """Tell whether this error lies inside the dead band, edges excluded."""
-    return bool(operands.err_dbw != ZERO and abs(er) < abs(operands.err_dbw))
-
-
-def crossed(operands: Operands, er: REAL, er1: REAL, cross: bool) -> bool:
-    """Return the cross status: set when the error passes 0 inside the band, cleared outside; 0 is a sign of its own."""
-    if not inside_band(operands, er):
+def inside_band(operands: Operands, er: REAL, dialect: Dialect = DEFAULT) -> bool:
+    """Tell whether this error lies inside the dead band."""
+    if operands.err_dbw == ZERO or abs(er) > abs(operands.err_dbw) or dialect.cross_band == CrossBand.OFF:
         return False
-    return bool(cross or er == ZERO or _sign(er) != _sign(er1))
+    return bool(abs(er) < abs(operands.err_dbw) or (abs(er) == abs(operands.err_dbw) and dialect.cross_edge))
+
+
+def crossed(operands: Operands, er: REAL, er1: REAL, cross: bool, dialect: Dialect = DEFAULT) -> bool:
+    """Return the cross status: set when the error passes 0 inside the band, cleared outside; 0 is a sign of its own."""
+    if not inside_band(operands, er, dialect):
+        return False
+    if cross or dialect.cross_band == CrossBand.PLAIN:
+        return True
+    if (er == ZERO or er1 == ZERO) and dialect.cross_touch:
+        return False
+    return bool(er == ZERO or _sign(er) != _sign(er1))
 
 
 def _sign(x: REAL) -> int:
@@ -159,19 +188,17 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
         operands: Gains, limits, flags and values as the PLC holds them; nothing needs to be in range.
         state: What the execution before left behind.
         dialect: Choices where the manual is silent.
-        ts: Sampling time in s, positive; the nominal one is `nominal_ts`.
+        ts: Sampling time as the law takes it, positive; `law_ts` makes it.
 
     Returns:
         The next state, and every term of MV.
     """
     if not operands.pid_run:
-        kept = ZERO if dialect.run_off == RunOff.CLEAR else state.i
-        stopped = State(kept, state.pv1, ZERO, state.e1, ZERO, state.er1, False, state.man1, False)
-        return stopped, Terms(ZERO, ZERO, kept, ZERO, operands.bias, ZERO, ZERO, operands.mout, False, flag.STOPPED)
+        return _stopped(operands, state, dialect)
     if operands.pid_mode == 1:
         return state, _held(operands, state, flag.AUTOTUNE)
 
-    er = raw_error(operands, operands.pv)
+    er = raw_error(operands, operands.pv, dialect)
     manual = operands.pid_man
     # A raw error is a number only if SV and PV are.
     if not finite(er) or not finite(operands.bias) or (manual and not finite(operands.mout)):
@@ -182,79 +209,211 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
         flags |= flag.BAD_PARAM
     kc, ti_ki, td_kd, tf = gain(operands.kc_kp), gain(operands.ti_ki), gain(operands.td_kd), gain(operands.tf)
     mv_max, mv_min = operands.mv_max, operands.mv_min
-    if mv_max < mv_min:
+    if mv_max < mv_min and dialect.limits != Limits.AS_WRITTEN:
         mv_max, mv_min = mv_min, mv_max
         flags |= flag.LIMITS_SWAPPED
-    dead = operands.pid_eq and kc <= ZERO
-    integrating = ti_ki > ZERO and not dead
+    dead = operands.pid_eq and kc <= ZERO and not dialect.kc_off
+    integrating = bool(ti_ki > ZERO and not dead)
 
-    cross = crossed(operands, er, state.er1 if state.valid else er, state.cross)
+    fresh = not state.valid and not (td_kd > ZERO and dialect.first_history)
+    cross = crossed(operands, er, state.er1 if state.valid else er, state.cross, dialect)
     e = ZERO if cross else er
-    e1 = state.e1 if state.valid else e
-    pv1 = state.pv1 if state.valid else operands.pv
+    e1 = e if fresh else state.e1
+    er1 = er if fresh else state.er1
+    pv1 = operands.pv if fresh else state.pv1
 
     p = kc * e
-    d = ZERO
+    content = inner = d = ZERO
     if td_kd > ZERO and not dead:
-        delta_x = _derivative_input(operands, e, e1, pv1, cross)
-        kd = kc * td_kd if operands.pid_eq else td_kd
-        d = ((tf * state.d) + (kd * delta_x)) / (tf + ts)
+        delta_x = _derivative_input(operands, dialect, e, e1, er, er1, pv1, cross)
+        content, inner = _derivative(operands, dialect, state.d, kc, td_kd, tf, delta_x, ts)
+        d = kc * inner if operands.pid_eq and dialect.dependent_sum else inner
 
     i = state.i
     mout = operands.mout
     bias = operands.bias
+    kind = 0
+    if state.man1 and not manual and integrating and (kc > ZERO or not operands.pid_eq):
+        kind = terms_of.transfer_kind(0, dialect)
+    if kind > 0:
+        flags |= flag.BUMPLESS
+        wanted = terms_of.preset_term(dialect, kind, state.mv, p, d, bias, mv_min, mv_max)
+        i = terms_of.stored(dialect, operands.pid_eq, ti_ki, kc, wanted)
     if manual:
         flags |= flag.MANUAL
         raw = mout
         mv = limit(mv_min, mout, mv_max)
-    elif state.man1 and integrating:
-        flags |= flag.BUMPLESS
-        i = ((state.mv - p) - d) - bias
-        if not finite(i):
-            return state, _held(operands, state, flags | flag.BAD_INPUT)
+        if integrating and dialect.manual_integral:
+            i = _in_manual(operands, dialect, i, ti_ki, kc, e, e1, ts, mv, p, d, mv_min, mv_max)
+        if cross and dialect.cross_manual:
+            cross = False
+        if dialect.manual_filter and (content != state.d):
+            content = state.d if dialect.manual_filter == ManualFilter.HELD else ZERO
+    elif kind == 1 and not dialect.preset_integrates:
         raw = state.mv
         mv = limit(mv_min, state.mv, mv_max)
     else:
-        increment = ZERO
-        candidate = ZERO
-        if integrating:
-            increment = (p * ts) / ti_ki if operands.pid_eq else (ti_ki * e) * ts
-            candidate = i + increment
-        raw = ((p + candidate) + d) + bias
-        if raw != raw:
-            return state, _held(operands, state, flags | flag.BAD_INPUT)
-        if raw > mv_max:
-            mv = mv_max
-            flags |= flag.FREEZE_HI
-            inward = bool(increment < ZERO)
-        elif raw < mv_min:
-            mv = mv_min
-            flags |= flag.FREEZE_LO
-            inward = bool(increment > ZERO)
-        else:
-            mv = raw
-            i = candidate
-            inward = False
-        if inward:
-            if dialect.freeze == Freeze.OUTWARD:
-                i = candidate
-            else:
-                flags |= flag.LOCKUP
-        if not integrating:
-            i = ZERO
-    if operands.mout_auto and not manual:
+        i, raw, mv, limit_flags = _automatic(
+            operands, dialect, state.mv, i, integrating, ti_ki, kc, p, e, e1, d, inner, ts, mv_min, mv_max
+        )
+        flags |= limit_flags
+    if raw != raw or (kind > 0 and not finite(i)):
+        return state, _held(operands, state, flags | flag.BAD_INPUT)
+    if operands.mout_auto and (not manual or (mv != mout and dialect.mout_auto)):
         mout = mv
+    terms = Terms(e, p, i, d, bias, raw, mv, mout, cross, flags)
     # An overflow must not stay in the filter for good: it starts again from 0.
-    after = State(i, operands.pv, mv, e, d if finite(d) else ZERO, er, cross, manual, True)
-    return after, Terms(e, p, i, d, bias, raw, mv, mout, cross, flags)
+    content = content if finite(content) else ZERO
+    if manual and dialect.manual_history:
+        return State(i, state.pv1, mv, state.e1, content, state.er1, cross, True, state.valid), terms
+    return State(i, operands.pv, mv, e, content, er, cross, manual, True), terms
 
 
-def _derivative_input(operands: Operands, e: REAL, e1: REAL, pv1: REAL, cross: bool) -> REAL:
+def _derivative_input(
+    operands: Operands, dialect: Dialect, e: REAL, e1: REAL, er: REAL, er1: REAL, pv1: REAL, cross: bool
+) -> REAL:
     """What D differentiates: E, or PV with the sign of PID_DIR; PV counts as standing still while crossed."""
     if not operands.pid_de:
+        if (cross or e1 != er1) and dialect.cross_d:
+            return er - er1 if dialect.cross_d == CrossD.TRUE_ERROR or not cross else ZERO
         return e - e1
     moved = ZERO if cross else operands.pv - pv1
-    return -moved if operands.pid_dir else moved
+    return -moved if operands.pid_dir != bool(dialect.direction) else moved
+
+
+def _derivative(
+    operands: Operands, dialect: Dialect, d: REAL, kc: REAL, td_kd: REAL, tf: REAL, change: REAL, ts: REAL
+) -> tuple[REAL, REAL]:
+    """Content of the filter behind this execution, and D, without Kc where that stands before the bracket."""
+    if operands.pid_eq and tf > ZERO and dialect.tf_unit:
+        tf = tf * td_kd
+    kd = td_kd
+    if operands.pid_eq and not dialect.dependent_sum:
+        kd = kc * td_kd
+    if not tf > ZERO and not dialect.derivative_product:
+        content = ((tf * d) + (kd * change)) / (tf + ts)
+        return content, content
+    if not tf > ZERO or dialect.filter == Filter.IGNORED:
+        content = terms_of.slope(dialect, kd, change, ts)
+        return content, content
+    if dialect.filter_content:
+        content = terms_of.filtered(dialect, d, ONE, change, tf, ts)
+        return content, kd * content
+    content = terms_of.filtered(dialect, d, kd, change, tf, ts)
+    return content, content
+
+
+def _total(
+    operands: Operands, dialect: Dialect, kc: REAL, p: REAL, e: REAL, i: REAL, j: REAL, d: REAL, inner: REAL
+) -> REAL:
+    """The sum, BIAS included; `j` and `inner` are I and D as they stand in the bracket."""
+    bias = operands.bias
+    if operands.pid_eq and dialect.dependent_sum:
+        if not dialect.integral_store:
+            return ((kc * (e + inner)) + i) + bias
+        return (kc * terms_of.summed(dialect, e, j, inner)) + bias
+    if bias != ZERO:
+        return terms_of.summed_with(dialect, p, i, d, bias)
+    return terms_of.summed(dialect, p, i, d) + bias
+
+
+def _in_bracket(operands: Operands, dialect: Dialect, ti: REAL, i: REAL) -> REAL:
+    """The integral as it stands in the bracket of the dependent form."""
+    if operands.pid_eq and dialect.dependent_sum and dialect.integral_store == IntegralStore.SUM:
+        return i / ti
+    return i
+
+
+def _automatic(
+    operands: Operands,
+    dialect: Dialect,
+    mv_before: REAL,
+    i: REAL,
+    integrating: bool,
+    ti_ki: REAL,
+    kc: REAL,
+    p: REAL,
+    e: REAL,
+    e1: REAL,
+    d: REAL,
+    inner: REAL,
+    ts: REAL,
+    low: REAL,
+    high: REAL,
+) -> tuple[REAL, REAL, REAL, int]:
+    """Integrate, add, limit: the integral, the sum, MV and FREEZE flags."""
+    form = operands.pid_eq
+    if integrating:
+        x = terms_of.integrated(dialect, e, e1)
+        candidate, increment = terms_of.advanced(dialect, form, ti_ki, kc, x, ts, i)
+        before, j_before = terms_of.term(dialect, form, ti_ki, kc, i), _in_bracket(operands, dialect, ti_ki, i)
+        after, j = terms_of.term(dialect, form, ti_ki, kc, candidate), _in_bracket(operands, dialect, ti_ki, candidate)
+        if dialect.integral_used:
+            after, j = before, j_before
+    else:
+        candidate, after = terms_of.idle(dialect, i)
+        before = j_before = j = after
+        increment = ZERO
+    raw = _total(operands, dialect, kc, p, e, after, j, d, inner)
+    tested = raw
+    if d != ZERO:
+        without = (p + after) + operands.bias
+        if terms_of.outside(without, low, high) != terms_of.outside(raw, low, high) and dialect.freeze_test:
+            tested = _total(operands, dialect, kc, p, e, after, j, ZERO, ZERO)
+    kept, flags = terms_of.limited(dialect, tested, low, high, mv_before, i, candidate, increment)
+    mv = limit(low, raw, high)
+    if flags and integrating and kept != candidate:
+        if dialect.limited_output:
+            mv = limit(low, _total(operands, dialect, kc, p, e, before, j_before, d, inner), high)
+        if dialect.freeze == Freeze.BACK_CALCULATED and (kc > ZERO or not form):
+            kept = terms_of.stored(dialect, form, ti_ki, kc, terms_of.preset(dialect, mv, p, d, operands.bias))
+    return (kept if integrating else candidate), raw, mv, flags
+
+
+def _in_manual(
+    operands: Operands,
+    dialect: Dialect,
+    i: REAL,
+    ti_ki: REAL,
+    kc: REAL,
+    e: REAL,
+    e1: REAL,
+    ts: REAL,
+    mv: REAL,
+    p: REAL,
+    d: REAL,
+    low: REAL,
+    high: REAL,
+) -> REAL:
+    """The integral where it does not stand in manual: it runs on, or follows MV as a transfer would set it."""
+    if dialect.manual_integral == ManualIntegral.TRACKS:
+        wanted = terms_of.preset_term(dialect, 1, mv, p, d, operands.bias, low, high)
+        if operands.pid_eq and not kc > ZERO:
+            return i
+        followed = terms_of.stored(dialect, operands.pid_eq, ti_ki, kc, wanted)
+        return followed if finite(followed) else i
+    x = terms_of.integrated(dialect, e, e1)
+    return terms_of.advanced(dialect, operands.pid_eq, ti_ki, kc, x, ts, i)[0]
+
+
+def _stopped(operands: Operands, state: State, dialect: Dialect) -> tuple[State, Terms]:
+    """PID_RUN is FALSE: MV is 0, and nothing is computed."""
+    kept = ZERO if dialect.run_off == RunOff.CLEAR else state.i
+    mout = ZERO if operands.mout_auto and dialect.run_off_mout else operands.mout
+    d, cross = ZERO, False
+    if dialect.run_off_filter:
+        d, cross = state.d, state.cross
+    pv1, e1, er1, valid = state.pv1, state.e1, state.er1, False
+    if dialect.run_off_history == RunOffHistory.KEPT:
+        valid = state.valid
+    elif dialect.run_off_history == RunOffHistory.TRACKED:
+        er = raw_error(operands, operands.pv, dialect)
+        if finite(er):
+            cross = crossed(operands, er, er1 if state.valid else er, cross, dialect)
+            pv1, er1, valid = operands.pv, er, True
+            e1 = ZERO if cross else er
+    stopped = State(kept, pv1, ZERO, e1, d, er1, cross, state.man1, valid)
+    return stopped, Terms(ZERO, ZERO, kept, ZERO, operands.bias, ZERO, ZERO, mout, False, flag.STOPPED)
 
 
 def _held(operands: Operands, state: State, flags: int) -> Terms:
@@ -262,26 +421,38 @@ def _held(operands: Operands, state: State, flags: int) -> Terms:
     return Terms(ZERO, ZERO, state.i, ZERO, operands.bias, state.mv, state.mv, operands.mout, state.cross, flags)
 
 
-def recall(operands: Operands, seen: State) -> tuple[tuple[State, State], ...]:
+def recall(operands: Operands, seen: State, dialect: Dialect = DEFAULT) -> tuple[tuple[State, State], ...]:
     """Return what the execution before can have left hidden, given what the block shows after it.
 
     Args:
         operands: What that execution read, as far as known.
         seen: `i`, `pv1` and `mv` as read from the PLC; the rest is ignored.
+        dialect: Choices where the manual is silent.
 
     Returns:
         Pairs of a lowest and a highest state that bound each possibility: one pair, more when the cross status
-        cannot be told or PID_RUN is FALSE. Only `d` differs within a pair; a larger `d` never gives a smaller MV.
+        cannot be told or PID_RUN is FALSE; none where the history stands still since a time that nobody saw. Only
+        `d` differs within a pair.
     """
-    er = raw_error(operands, seen.pv1)
-    bound = D_BOUND if gain(operands.td_kd) > ZERO and operands.pid_run else ZERO
-    statuses = (False, True) if inside_band(operands, er) and er != ZERO else (inside_band(operands, er),)
+    if (operands.pid_man and dialect.manual_history) or not (operands.pid_run or not dialect.run_off_history):
+        return ()
+    er = raw_error(operands, seen.pv1, dialect)
+    is_open = gain(operands.td_kd) > ZERO and (operands.pid_run or dialect.run_off_filter)
+    bound = D_BOUND if is_open else ZERO
+    inside = inside_band(operands, er, dialect)
+    statuses: tuple[bool, ...] = (False,)
+    if inside:
+        decided = dialect.cross_band == CrossBand.PLAIN or (er == ZERO and not dialect.cross_touch)
+        statuses = (True,) if decided else (False, True)
+    if not operands.pid_run and dialect.run_off_filter:
+        statuses = (False, True)
     manuals = (operands.pid_man,) if operands.pid_run else (False, True)
     pairs = []
     for cross in statuses:
         for man1 in manuals:
             e1 = ZERO if cross else er
-            low = State(seen.i, seen.pv1, seen.mv, e1, -bound, er, cross, man1, operands.pid_run)
-            high = State(seen.i, seen.pv1, seen.mv, e1, bound, er, cross, man1, operands.pid_run)
+            after = cross and not (man1 and operands.pid_run and dialect.cross_manual)
+            low = State(seen.i, seen.pv1, seen.mv, e1, -bound, er, after, man1, operands.pid_run)
+            high = State(seen.i, seen.pv1, seen.mv, e1, bound, er, after, man1, operands.pid_run)
             pairs.append((low, high))
     return tuple(pairs)
