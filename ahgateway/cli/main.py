@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from ahgateway import __version__
-from ahgateway.cli import demo, fake, monitor, profile
+from ahgateway.cli import demo, fake, journal, monitor, profile, write
 from ahgateway.errors import AhGatewayError, PlcRefusedError, TransportError
 
 app = typer.Typer(
@@ -41,7 +41,9 @@ def root(
 app.command(name="demo")(demo.demo)
 app.command(name="monitor")(monitor.monitor)
 app.command(name="fake")(fake.fake)
+app.command(name="write")(write.write)
 app.add_typer(profile.app, name="profile")
+app.add_typer(journal.app, name="journal")
 
 
 def exit_code(error: AhGatewayError) -> int:

@@ -158,6 +158,11 @@ class FakePlc:
             self._owed_ns -= due_ns
             self.scan(due_ns)
 
+    def warm_up(self, duration_ns: int) -> None:
+        """Let time pass before anybody looks; a clock that was handed in goes on from there."""
+        self.advance(duration_ns)
+        self._origin_ns -= duration_ns
+
     def answer(self, request: Request) -> tuple[int, ...] | None:
         """Carry out one request; see `transports.base.Device`."""
         if self._clock is not None:

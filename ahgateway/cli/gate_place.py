@@ -1,0 +1,86 @@
+"""What writing commands share: where journals and leases stand, who asks, and an end in good order at a signal."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import getpass
+import tempfile
+from collections.abc import Coroutine, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+if TYPE_CHECKING:
+    from ahgateway.codec.station import Loop, Station
+
+Result = TypeVar("Result")
+
+
+@contextlib.contextmanager
+def gate_directory(station: Station, directory: Path | None) -> Iterator[Path]:
+    """Yield the directory of journals and leases; a fake PLC ends with us, and so does its journal."""
+    if directory is not None:
+        yield directory
+    elif station.target.startswith("fake://"):
+        with tempfile.TemporaryDirectory(prefix="ahgateway-") as folder:
+            yield Path(folder)
+    else:
+        from platformdirs import user_data_path
+
+        yield user_data_path("ahgateway", appauthor=False) / "gate"
+
+
+def who_asks(by: str | None) -> str:
+    """Return the name that was given, else that of the user of this machine."""
+    if by:
+        return by
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError, ImportError):
+        return ""
+
+
+def loop_named(station: Station, name: str | None) -> Loop:
+    """Return the loop with this tag; the only one when none was named.
+
+    Raises:
+        ProfileError: There is none of that name, or several to choose from.
+    """
+    from difflib import get_close_matches
+
+    from ahgateway.errors import ProfileError
+
+    names = [loop.name for loop in station.loops]
+    if name is None and len(names) == 1:
+        return station.loops[0]
+    if name is None:
+        raise ProfileError(f"which loop? the station has {', '.join(names)}", hint=f"`--loop {names[0]}`")
+    if name not in names:
+        near = get_close_matches(name, names, 1, 0.5)
+        raise ProfileError(
+            f"station {station.name} has no loop `{name}`, it has {', '.join(names)}",
+            hint=f"did you mean `{near[0]}`?" if near else None,
+        )
+    return station.loops[names.index(name)]
+
+
+async def until_stopped(work: Coroutine[Any, Any, Result]) -> Result:
+    """Run to the end, or cancel at the first signal and let the gate put everything back.
+
+    Raises:
+        StateError: A signal ended it.
+    """
+    from ahgateway.cli.interrupt import stop_event
+    from ahgateway.errors import StateError
+
+    with stop_event() as stop:
+        task = asyncio.ensure_future(work)
+        stopping = asyncio.ensure_future(stop.wait())
+        await asyncio.wait({task, stopping}, return_when=asyncio.FIRST_COMPLETED)
+        stopping.cancel()
+        if not task.done():
+            task.cancel()
+        try:
+            return await task
+        except asyncio.CancelledError:
+            raise StateError("stopped; what was written has been put back") from None
