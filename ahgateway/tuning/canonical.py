@@ -88,10 +88,13 @@ class Canonical:
         )
 
 
-def standard(kc: float, ti_s: float = math.inf, td_s: float = 0.0, **rest: float) -> Canonical:
-    """Return the canonical set for gains in standard form; `ti_s` of inf or 0 is no integral."""
+def standard(
+    kc: float, ti_s: float = math.inf, td_s: float = 0.0, *, kind: Band = Band.NONE, band: float = 0.0, **rest: float
+) -> Canonical:
+    """Return the canonical set for gains in standard form; `ti_s` of inf or 0 is no integral, a band of 0 none."""
     ki = kc / ti_s if math.isfinite(ti_s) and ti_s > 0.0 else 0.0
-    return replace(Canonical(kc, ki, kc * td_s), **rest)  # type: ignore[arg-type]
+    found = Canonical(kc, ki, kc * td_s, band=band, band_kind=kind if band else Band.NONE)
+    return replace(found, **rest)  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, slots=True)
