@@ -20,9 +20,14 @@ ZERO = REAL(0)
 NAN_BITS = 0x7FC00000
 
 
+_AS_REAL = struct.Struct("<f").pack
+_AS_WORD = struct.Struct("<I").unpack
+
+
 def bits(value: REAL) -> int:
     """Return the 32 bits of `value` as an unsigned integer; every NaN becomes the canonical one, 0x7FC00000."""
-    pattern: int = struct.unpack("<I", np.float32(value).tobytes())[0]
+    # Through binary64 and back: exact for every number, and a NaN becomes the canonical one anyway.
+    pattern: int = _AS_WORD(_AS_REAL(value))[0]
     return NAN_BITS if (pattern & 0x7FFFFFFF) > 0x7F800000 else pattern
 
 

@@ -172,10 +172,15 @@ def input_variants(loop: Loop, before: Picture, after: Picture) -> list[Any]:
 
 def changed_inputs(loop: Loop, before: Picture, after: Picture) -> list[str]:
     """Names of the inputs, PV apart, whose bits differ between two pictures."""
+    if before.words == after.words:
+        return []
     return [
-        name
-        for name in loop.controller.input_names
-        if name != "pv" and _bits_of(getattr(before.inputs, name)) != _bits_of(getattr(after.inputs, name))
+        operand.attr
+        for operand in loop.controller.operands
+        if operand.name in before.words
+        and before.words[operand.name] != after.words[operand.name]
+        and operand.attr in loop.controller.input_names
+        and operand.attr != "pv"
     ]
 
 
