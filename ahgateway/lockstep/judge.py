@@ -24,6 +24,7 @@ from ahgateway.lockstep.shadow import (
     Shadow,
     explain,
     input_variants,
+    is_settled,
     judged_names,
     merged,
     recalled,
@@ -135,7 +136,7 @@ def _same_fault(
     suspects: tuple[Suspect, ...],
 ) -> tuple[Execution, Fit] | None:
     """Behind a divergence what is hidden is open and would excuse anything; the same cause of the same size is none."""
-    settled = tuple(bound for bound in shadow if bound.is_point)
+    settled = tuple(bound for bound in shadow if is_settled(bound))
     found = explain(loop, settled, variants, after.seen, judged_names(loop))
     if found.fits or found.nearest is None:
         return None

@@ -28,6 +28,9 @@ from ahgateway.lockstep.picture import Picture, predicted
 BOUNDS_MAX = 48
 """More possibilities than this are no knowledge: the shadow starts again from the block."""
 
+SETTLED_ULP = 1 << 16
+"""A bound this narrow is as good as one state when it comes to causes; a fresh one spans all REALs."""
+
 CHANGED_MAX = 4
 """Up to this many operands changed in one interval, every order of their writes and the execution is tried."""
 
@@ -107,7 +110,7 @@ def merged(bounds: Iterable[Bound]) -> Shadow:
     for bound in bounds:
         attr = open_attr(bound)
         settled = zip(bound.low._fields, state_key(bound.low), strict=True)
-        key = (int(attr is None), *(0 if name == (attr or "d") else value for name, value in settled))
+        key = (int(is_settled(bound)), *(0 if name == (attr or "d") else value for name, value in settled))
         known = hulls.get(key)
         hulls[key] = bound if known is None else _hull(known, bound)
     return tuple(hulls.values()) if len(hulls) <= BOUNDS_MAX else ()
@@ -119,6 +122,14 @@ def open_attr(bound: Bound) -> str | None:
         if isinstance(low, np.floating) and not same_bits(low, high):
             return str(name)
     return None
+
+
+def is_settled(bound: Bound) -> bool:
+    """Tell whether what is open is at most the last bits of one REAL."""
+    attr = open_attr(bound)
+    if attr is None:
+        return True
+    return order(getattr(bound.high, attr)) - order(getattr(bound.low, attr)) <= SETTLED_ULP
 
 
 def open_terms(low: Any, high: Any) -> tuple[str, ...]:
