@@ -90,10 +90,18 @@ class _Case:
     def run(self, inputs: Any = None, dialect: Any = None, ts: REAL | None = None) -> tuple[dict[str, REAL], Any]:
         """Step the law with something changed; return the words it leaves, and its terms."""
         read = self.fit.inputs if inputs is None else inputs
-        span = self.controller.nominal_ts(read) if ts is None else ts
+        span = self._span(read, dialect) if ts is None else ts
         with quiet(all="ignore"):
             state, terms = self.controller.step(read, self.fit.before.low, dialect or self.loop.dialect, span)
         return predicted(self.controller, state, terms), terms
+
+    def _span(self, read: Any, dialect: Any) -> REAL:
+        """Ts of a hypothesis: as this execution had it, or from CYCLE where that alone decides."""
+        chosen = dialect or self.loop.dialect
+        is_measured = self.controller.law_ts is not None and chosen.ts_source
+        if is_measured and self.fit.ts is not None:
+            return self.fit.ts
+        return self.controller.ts(read, chosen)
 
     def reproduces(self, words: Mapping[str, REAL]) -> bool:
         return same_words(self.names, words, self.seen)
@@ -222,7 +230,7 @@ def _gains(case: _Case) -> list[Suspect]:
     for operand in case.controller.operands:
         if operand.kind is Kind.REAL and operand.minimum == 0:
             found.extend(_gain(case, operand.name, operand.attr))
-    ts = case.controller.nominal_ts(case.fit.inputs)
+    ts = case.controller.ts(case.fit.inputs, case.loop.dialect) if case.fit.ts is None else case.fit.ts
     cycle = _fitted(case, lambda ratio: case.run(ts=REAL(float(ts) * ratio))[0])
     if cycle is not None:
         evidence = f"an interval of {float(ts) * cycle:.6g} s instead of CYCLE's {float(ts):.6g} s ({cycle - 1:+.3%})"

@@ -22,11 +22,16 @@ import numpy as np
 
 from ahgateway.codec.station import Const, Loop
 from ahgateway.core import flags as flag
+from ahgateway.core.dialect import Filter
 from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits
+from ahgateway.lockstep.interval import intervals
 from ahgateway.lockstep.picture import Picture, predicted
 
 BOUNDS_MAX = 48
 """More possibilities than this are no knowledge: the shadow starts again from the block."""
+
+MARGIN_ULP = 16
+"""How far rounding can carry a filter that is not quite monotone."""
 
 SETTLED_ULP = 1 << 16
 """A bound this narrow is as good as one state when it comes to causes; a fresh one spans all REALs."""
@@ -61,6 +66,7 @@ class Fit(NamedTuple):
     after: Bound
     terms: Any
     open_terms: tuple[str, ...] = ()
+    ts: REAL | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +103,9 @@ def recalled(loop: Loop, inputs: Iterable[Any], seen: Mapping[str, REAL]) -> Sha
     """Start a shadow behind an execution whose words are known: every hidden state it can have left."""
     controller = loop.controller
     known = {word.attr: seen[word.name] for word in controller.seen if hasattr(controller.state(), word.attr)}
-    found = [Bound(*pair) for read in inputs for pair in controller.recall(read, controller.state(**known))]
+    found = [
+        Bound(*pair) for read in inputs for pair in controller.recall(read, controller.state(**known), loop.dialect)
+    ]
     return merged(found)
 
 
@@ -148,15 +156,17 @@ def _hull(left: Bound, right: Bound) -> Bound:
     return Bound(low, high)
 
 
-def stepped(loop: Loop, inputs: Any, bound: Bound) -> tuple[Bound, Any, Any]:
-    """Step both ends; return the bound behind the execution and the terms of either end."""
+def stepped(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> tuple[Bound, Any, Any]:
+    """Step both ends; return the bound behind the execution and the terms of either end, in its order."""
     controller = loop.controller
-    ts = controller.nominal_ts(inputs)
     with quiet(all="ignore"):
         low, low_terms = controller.step(inputs, bound.low, loop.dialect, ts)
         if bound.is_point:
             return Bound(low, low), low_terms, low_terms
         high, high_terms = controller.step(inputs, bound.high, loop.dialect, ts)
+    attr = open_attr(Bound(low, high))
+    if attr is not None and order(getattr(low, attr)) > order(getattr(high, attr)):
+        return Bound(high, low), high_terms, low_terms
     return Bound(low, high), low_terms, high_terms
 
 
@@ -207,26 +217,36 @@ def explain(
     is_decided = False
     nearest: tuple[int, Fit] | None = None
     for inputs in variants:
-        predictions = set()
+        by_interval: dict[int, set[tuple[int, ...]]] = {}
         fitting: list[Fit] = []
         for bound in shadow:
-            after, low_terms, high_terms = stepped(loop, inputs, bound)
-            low = predicted(loop.controller, after.low, low_terms)
-            high = predicted(loop.controller, after.high, high_terms)
-            predictions.add(tuple(bits(low[name]) for name in names))
-            predictions.add(tuple(bits(high[name]) for name in names))
-            if same_words(names, low, high):
-                if same_words(names, low, seen):
-                    fitting.append(Fit(inputs, bound, after, low_terms, open_terms(low_terms, high_terms)))
-            else:
-                fitting.extend(_narrowed(loop, inputs, bound, seen, names))
-            distance = _distance(names, low, seen)
-            if nearest is None or distance < nearest[0]:
-                nearest = (distance, Fit(inputs, bound, after, low_terms, open_terms(low_terms, high_terms)))
+            for ts in intervals(loop, inputs, bound.low, seen.get("I_MV")):
+                after, low_terms, high_terms = stepped(loop, inputs, bound, ts)
+                low = predicted(loop.controller, after.low, low_terms)
+                high = predicted(loop.controller, after.high, high_terms)
+                predictions = by_interval.setdefault(bits(ts), set())
+                predictions.add(tuple(bits(low[name]) for name in names))
+                predictions.add(tuple(bits(high[name]) for name in names))
+                fit = Fit(inputs, bound, after, low_terms, open_terms(low_terms, high_terms), ts)
+                if not same_words(names, low, high):
+                    fitting.extend(_narrowed(loop, inputs, bound, seen, names, ts))
+                elif same_words(names, low, seen):
+                    fitting.append(fit)
+                distance = _distance(names, low, seen)
+                if nearest is None or distance < nearest[0]:
+                    nearest = (distance, fit)
         if fitting:
             fits.extend(fitting)
-            is_decided = is_decided or len(predictions) == 1
+            is_decided = is_decided or _is_told(by_interval, fitting)
     return Explanation(tuple(fits), is_decided, nearest[1] if nearest else None)
+
+
+def _is_told(by_interval: Mapping[int, set[tuple[int, ...]]], fitting: list[Fit]) -> bool:
+    """One interval alone reproduces the words, or all predict the same; and with it, so does all that was open."""
+    intervals_that_fit = {bits(fit.ts) for fit in fitting if fit.ts is not None}
+    if len(intervals_that_fit) == 1:
+        return len(by_interval[intervals_that_fit.pop()]) == 1
+    return len(set().union(*by_interval.values())) == 1
 
 
 def _distance(names: Iterable[str], left: Mapping[str, REAL], right: Mapping[str, REAL]) -> int:
@@ -239,31 +259,45 @@ def _distance(names: Iterable[str], left: Mapping[str, REAL], right: Mapping[str
     return total
 
 
-def _narrowed(loop: Loop, inputs: Any, bound: Bound, seen: Mapping[str, REAL], names: tuple[str, ...]) -> list[Fit]:
-    """Cut a bound down to the part that reproduces the words; nothing when no part does."""
+def _narrowed(
+    loop: Loop, inputs: Any, bound: Bound, seen: Mapping[str, REAL], names: tuple[str, ...], ts: REAL
+) -> list[Fit]:
+    """Cut a bound down to the part that reproduces the words; nothing when no part does.
+
+    Two filters of the dialect round so that the law is monotone but for a few ULP: there a wide part keeps a margin,
+    and a narrow one is tried value by value.
+    """
     attr = open_attr(bound)
     if attr is None:
         return []
 
     def side(position: int) -> int:
         state = bound.low._replace(**{attr: from_order(position)})
-        return _side(loop, inputs, state, seen, names)
+        return _side(loop, inputs, state, seen, names, ts)
 
     low, high = order(getattr(bound.low, attr)), order(getattr(bound.high, attr))
-    first = _first(low, high, lambda position: side(position) >= 0)
-    last = _first(low, high, lambda position: side(position) > 0) - 1
-    if first > last:
+    margin = MARGIN_ULP if loop.dialect.filter in (Filter.FORWARD, Filter.ALPHA) else 0
+    if not margin or high - low > 4 * MARGIN_ULP:
+        sign = -1 if side(low) > side(high) else 1
+        first = _first(low, high, lambda position: sign * side(position) >= 0)
+        last = _first(low, high, lambda position: sign * side(position) > 0) - 1
+        low, high = max(low, first - margin), min(high, last + margin)
+    if margin and high - low <= 4 * MARGIN_ULP:
+        fitting = [position for position in range(low, high + 1) if side(position) == 0]
+        if not fitting:
+            return []
+        low, high = fitting[0], fitting[-1]
+    if low > high:
         return []
-    part = Bound(
-        bound.low._replace(**{attr: from_order(first)}),
-        bound.low._replace(**{attr: from_order(last)}),
-    )
-    after, terms, high_terms = stepped(loop, inputs, part)
-    if not same_words(names, predicted(loop.controller, after.low, terms), seen):
-        return []
-    if not same_words(names, predicted(loop.controller, after.high, high_terms), seen):
-        return []
-    return [Fit(inputs, part, after, terms, open_terms(terms, high_terms))]
+    part = Bound(bound.low._replace(**{attr: from_order(low)}), bound.low._replace(**{attr: from_order(high)}))
+    after, terms, high_terms = stepped(loop, inputs, part, ts)
+    fit = Fit(inputs, part, after, terms, open_terms(terms, high_terms), ts)
+    if margin:
+        return [fit]
+    for words in (predicted(loop.controller, after.low, terms), predicted(loop.controller, after.high, high_terms)):
+        if not same_words(names, words, seen):
+            return []
+    return [fit]
 
 
 def _first(low: int, high: int, holds: Callable[[int], bool]) -> int:
@@ -277,9 +311,9 @@ def _first(low: int, high: int, holds: Callable[[int], bool]) -> int:
     return low
 
 
-def _side(loop: Loop, inputs: Any, state: Any, seen: Mapping[str, REAL], names: tuple[str, ...]) -> int:
+def _side(loop: Loop, inputs: Any, state: Any, seen: Mapping[str, REAL], names: tuple[str, ...], ts: REAL) -> int:
     """Tell whether this state's prediction lies below (-1), on (0) or above (1) what was seen."""
-    after, terms, _ = stepped(loop, inputs, Bound(state, state))
+    after, terms, _ = stepped(loop, inputs, Bound(state, state), ts)
     words = predicted(loop.controller, after.low, terms)
     if same_words(names, words, seen):
         return 0
