@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from ahgateway import __version__
-from ahgateway.cli import demo, fake, journal, monitor, profile, write
+from ahgateway.cli import demo, fake, journal, monitor, profile, tune, write
 from ahgateway.errors import AhGatewayError, PlcRefusedError, TransportError
 
 app = typer.Typer(
@@ -42,6 +42,7 @@ app.command(name="demo")(demo.demo)
 app.command(name="monitor")(monitor.monitor)
 app.command(name="fake")(fake.fake)
 app.command(name="write")(write.write)
+app.command(name="tune")(tune.tune)
 app.add_typer(profile.app, name="profile")
 app.add_typer(journal.app, name="journal")
 

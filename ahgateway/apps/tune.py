@@ -1,0 +1,335 @@
+"""Tuning as data: identify a process from a trace, propose gains in the loop's form, say what each will do.
+
+No printing and no link: `cli/tune` shows the result, `apps/tune_page` makes a report of it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from ahgateway.apps.report import number
+from ahgateway.tuning.blocks import BLOCKS, Params
+from ahgateway.tuning.findings import Finding, Weight
+from ahgateway.tuning.identify import Identification, identify
+from ahgateway.tuning.models import Kind, Model
+from ahgateway.tuning.predict import Quality, Response, replayed
+from ahgateway.tuning.propose import LoopForm, Proposal, action, evaluate, present, proposals, recommended
+from ahgateway.tuning.record import Record
+from ahgateway.tuning.rules import RULES, Rule
+from ahgateway.tuning.runner import delta
+
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Tuning:
+    """What a trace says about a loop, and what to do with it.
+
+    Attributes:
+        identified: The process, or why it could not be told.
+        loop: The loop as it stands; None when data were refused before any fit.
+        dial: 0 cautious … 1 fast.
+        present: What the gains that the loop holds now do; None where they were not given.
+        found: Every rule's proposal; empty when refused.
+        chosen: The recommended one.
+        again: Proposal name to the recorded run with its gains; empty unless the run was in closed loop.
+        findings: All of them, the loop's own included.
+    """
+
+    identified: Identification
+    loop: LoopForm | None
+    dial: float
+    present: Proposal | None
+    found: tuple[Proposal, ...]
+    chosen: Proposal | None
+    again: Mapping[str, Response]
+    findings: tuple[Finding, ...]
+
+    @property
+    def is_refused(self) -> bool:
+        """Tell whether no proposal was made."""
+        return self.identified.is_refused
+
+
+def tune(
+    record: Record,
+    instruction: str,
+    settings: Params,
+    *,
+    dial: float = 0.5,
+    kind: Kind | None = None,
+    rules: tuple[Rule, ...] = RULES,
+) -> Tuning:
+    """Identify the process in a trace and propose gains for the loop.
+
+    Args:
+        record: The trace.
+        instruction: DPID or DPIDE.
+        settings: What is known of its operands; what is missing has its default.
+        dial: 0 cautious … 1 fast.
+        kind: The model to take; None chooses.
+        rules: Which rules.
+
+    Raises:
+        ProfileError: The trace is too short or runs backwards, or a setting is not known.
+    """
+    full = BLOCKS[instruction].settings(settings)
+    low, high = sorted((float(full["MV_MIN"]), float(full["MV_MAX"])))
+    identified = identify(replace(record, mv_limits=record.mv_limits or (low, high)), kind)
+    if identified.fit is None or identified.is_refused:
+        return Tuning(identified, None, dial, None, (), None, {}, identified.findings)
+    model = identified.fit.model
+    loop = _loop(identified, instruction, full)
+    found = proposals(model, loop, dial, rules)
+    now = None
+    if any(name in settings for name in ("Kp", "Kc_Kp")):
+        now = evaluate("present", "what the loop holds now", present(loop), model, loop)
+    again = _again(identified, loop, (*found, *((now,) if now else ())))
+    findings = (*identified.findings, *_of_loop(model, loop, settings))
+    return Tuning(identified, loop, dial, now, found, recommended(found), again, findings)
+
+
+def _loop(identified: Identification, instruction: str, settings: Params) -> LoopForm:
+    """The operating point is where the trace began; steps are as large as what the trace saw."""
+    record = identified.record
+    fit = identified.fit
+    assert fit is not None
+    moved, reach = float(np.ptp(fit.moved)), float(np.ptp(record.mv))
+    at = (float(np.median(record.pv[: max(3, record.pv.size // 50)])), float(record.mv[0]))
+    # Room to the limits, so that the prediction is of the law and not of its limits.
+    return LoopForm(instruction, settings, at, _round_number(moved / 2.0), _round_number(reach / 2.0))
+
+
+def _round_number(value: float) -> float:
+    """The next smaller 1, 2 or 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return max(step for step in (1.0, 2.0, 5.0) if step <= value / power * (1.0 + 1e-9)) * power
+
+
+def _of_loop(model: Model, loop: LoopForm, settings: Params) -> list[Finding]:
+    """What the loop's present settings have to do with the model."""
+    found = []
+    now = present(loop)
+    if "PID_DIR" in settings and now.sign != action(model, loop):
+        text = (
+            f"PID_DIR is {'TRUE' if now.sign > 0 else 'FALSE'}, but the process's gain is {model.gain:.3g}: "
+            "with this direction the loop runs away"
+        )
+        found.append(Finding("wrong-direction", Weight.WARNING, text, "the proposals hold the right PID_DIR"))
+    fast = max(model.dead_time_s, 0.1 * model.slowness_s)
+    if now.ts_s > 0.5 * fast:
+        text = f"CYCLE is {now.ts_s:g} s, which is slow beside the process's {fast:.3g} s: it costs gain"
+        found.append(Finding("slow-cycle", Weight.WARNING, text, f"choose a CYCLE of {fast / 5:.2g} s or less"))
+    return found
+
+
+def _again(identified: Identification, loop: LoopForm, found: tuple[Proposal, ...]) -> dict[str, Response]:
+    """The recorded run with each proposal, where the run had a setpoint that moved."""
+    record, fit = identified.record, identified.fit
+    assert fit is not None
+    if not np.all(np.isfinite(record.sv)) or float(np.ptp(record.sv)) == 0.0 or record.sv.size > 20000:
+        return {}
+    trace = Response(record.t_s, record.sv, record.pv, record.mv)
+    block = BLOCKS[loop.instruction]
+    out = {}
+    for each in found:
+        settings = block.settings(loop.settings) | each.settings
+        still = delta(loop.instruction, settings, float(record.sv[0]), float(record.pv[0]), float(record.mv[0]))
+        out[each.name] = replayed(still, fit.model, trace, fit.moved)
+    return out
+
+
+def iae(response: Response) -> float:
+    """Integral of |SV − PV| over a response in PV·s."""
+    ts = float(np.median(np.diff(response.t_s)))
+    return float(np.sum(np.abs(response.sv - response.pv)) * ts)
+
+
+def as_json(result: Tuning) -> Json:
+    """Return the result as one object; the form stands in docs/reference/tune.md."""
+    identified = result.identified
+    return {
+        "kind": "tuning",
+        "source": identified.record.name,
+        "refused": result.is_refused,
+        "samples": int(identified.record.t_s.size),
+        "interval_s": identified.record.ts_s,
+        "noise": identified.noise,
+        "resolution": identified.resolution,
+        "model": _model_json(identified),
+        "findings": [
+            {"name": each.name, "weight": each.weight.value, "text": each.text, "hint": each.hint or None}
+            for each in result.findings
+        ],
+        "dial": result.dial,
+        "loop": _loop_json(result.loop),
+        "present": _proposal_json(result.present, result) if result.present else None,
+        "proposals": [_proposal_json(each, result) for each in result.found],
+        "recommended": result.chosen.name if result.chosen else None,
+    }
+
+
+def _model_json(identified: Identification) -> Json | None:
+    fit = identified.fit
+    if fit is None:
+        return None
+    model = fit.model
+    names = {"gain": model.gain, "dead_time_s": model.dead_time_s}
+    if model.kind is not Kind.IPDT:
+        names["tau_s"] = model.tau_s
+    if model.kind is Kind.SOPDT:
+        names["zeta"] = model.zeta
+    return {
+        "kind": model.kind.value,
+        "parameters": {name: {"value": value, "plus_minus": fit.interval[name]} for name, value in names.items()},
+        "lags_s": list(model.lags_s),
+        "reason": identified.reason,
+        "snr": number(fit.snr),
+        "sigma": fit.sigma,
+        "fit_percent": fit.fit_percent,
+        "noise_model": None if fit.noise_model is None else {"phi": fit.noise_model[0], "c": fit.noise_model[1]},
+        "residuals_p": identified.whiteness.p if identified.whiteness else None,
+        "candidates": [{"kind": each.model.kind.value, "bic": each.bic} for each in identified.candidates],
+    }
+
+
+def _loop_json(loop: LoopForm | None) -> Json | None:
+    if loop is None:
+        return None
+    return {
+        "instruction": loop.instruction,
+        "settings": loop.settings,
+        "pv": loop.at[0],
+        "mv": loop.at[1],
+        "sv_step": loop.sv_step,
+        "load_step": loop.load_step,
+    }
+
+
+def _proposal_json(each: Proposal, result: Tuning) -> Json:
+    return {
+        "rule": each.name,
+        "source": each.source,
+        "settings": each.settings,
+        "ms": number(each.margins.ms),
+        "gain_margin": number(each.margins.gain_margin),
+        "phase_margin_deg": number(each.margins.phase_margin_deg),
+        "stable": each.margins.is_stable,
+        "setpoint": _quality_json(each.setpoint),
+        "load": _quality_json(each.load),
+        "recorded_iae": iae(result.again[each.name]) if each.name in result.again else None,
+    }
+
+
+def _quality_json(quality: Quality) -> Json:
+    return {
+        "overshoot_percent": quality.overshoot_percent,
+        "settling_s": number(quality.settling_s),
+        "iae": quality.iae,
+        "peak": quality.peak,
+        "mv_travel": quality.travel,
+        "mv_range": quality.mv_peak,
+    }
+
+
+def as_text(result: Tuning) -> str:
+    """Return the result as a page of text."""
+    identified = result.identified
+    record = identified.record
+    lines = [
+        f"{record.name}: {record.t_s.size} samples every {record.ts_s:g} s, noise {identified.noise:.3g}"
+        + (f", resolution {identified.resolution:g}" if identified.resolution else "")
+    ]
+    if identified.fit is not None:
+        lines += ["", model_text(identified), f"  {identified.reason}"]
+    for each in result.findings:
+        lines += ["", f"{each.weight.value}: {each.name}: {each.text}"]
+        if each.hint:
+            lines.append(f"  hint: {each.hint}")
+    if result.is_refused:
+        return "\n".join([*lines, "", "no proposal is made"])
+    assert result.loop is not None
+    loop = result.loop
+    lines += [
+        "",
+        f"proposals for {loop.instruction}, dial {result.dial:g}; predicted for SV {loop.sv_step:+g} and a load of "
+        f"{loop.load_step:+g} MV at PV {loop.at[0]:.4g}, MV {loop.at[1]:.4g}",
+        *_table(result),
+    ]
+    if result.chosen is not None:
+        written = ", ".join(f"{name} {shown(value)}" for name, value in result.chosen.settings.items())
+        lines += ["", f"recommended: {result.chosen.name}: {written}"]
+    else:
+        lines += ["", "recommended: none, no proposal is robust (Ms above 1.7): turn the dial down"]
+    return "\n".join(lines)
+
+
+def model_text(identified: Identification) -> str:
+    """Return the model in one line, each parameter with half its 95 % interval."""
+    fit = identified.fit
+    assert fit is not None
+    model = fit.model
+    unit = "PV/(MV·s)" if model.kind is Kind.IPDT else "PV/MV"
+    parts = [f"K {model.gain:.4g} ± {fit.interval['gain']:.2g} {unit}"]
+    parts.append(f"dead time {model.dead_time_s:.4g} ± {fit.interval['dead_time_s']:.2g} s")
+    if model.kind is not Kind.IPDT:
+        parts.append(f"τ {model.tau_s:.4g} ± {fit.interval['tau_s']:.2g} s")
+    if model.kind is Kind.SOPDT:
+        parts.append(f"ζ {model.zeta:.3g} ± {fit.interval['zeta']:.2g}")
+    return f"{model.kind.value}: {', '.join(parts)}; SNR {fit.snr:.1f}"
+
+
+def shown(value: float | int | bool) -> str:
+    """A setting as people read it."""
+    if isinstance(value, bool):
+        return "TRUE" if value else "FALSE"
+    return f"{value:.5g}" if isinstance(value, float) else str(value)
+
+
+HEADS = ("rule", "gains", "Ms", "GM", "PM", "overshoot", "settling", "IAE SV", "IAE load", "MV travel", "IAE record")
+
+
+def rows(result: Tuning) -> list[list[str]]:
+    """Return one row of text per proposal under `HEADS`, the present settings first."""
+    out = []
+    for each in (*((result.present,) if result.present else ()), *result.found):
+        again = f"{iae(result.again[each.name]):.4g}" if each.name in result.again else "-"
+        out.append(
+            [
+                each.name + (" *" if each is result.chosen else ""),
+                " ".join(gains_of(each)),
+                _short(each.margins.ms),
+                _short(each.margins.gain_margin),
+                f"{each.margins.phase_margin_deg:.0f}°" if math.isfinite(each.margins.phase_margin_deg) else "-",
+                f"{each.setpoint.overshoot_percent:.0f} %",
+                f"{each.setpoint.settling_s:.4g} s" if math.isfinite(each.setpoint.settling_s) else "-",
+                f"{each.setpoint.iae:.4g}",
+                f"{each.load.iae:.4g}",
+                f"{each.setpoint.travel:.4g}",
+                again,
+            ]
+        )
+    return out
+
+
+def gains_of(each: Proposal) -> list[str]:
+    """The gains of a proposal in the loop's form, without what is 0."""
+    names = ("Kp", "Ki", "Kd", "Kc_Kp", "Ti_Ki", "Td_Kd", "Tf")
+    return [f"{name} {each.settings[name]:.4g}" for name in names if each.settings.get(name)]
+
+
+def _short(value: float) -> str:
+    return f"{value:.2f}" if math.isfinite(value) else "unstable"
+
+
+def _table(result: Tuning) -> list[str]:
+    table = [list(HEADS), *rows(result)]
+    widths = [max(len(row[column]) for row in table) for column in range(len(HEADS))]
+    return [
+        "  " + "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in table
+    ]

@@ -1,0 +1,131 @@
+"""The tuning report: one HTML file with the data, the model, the residuals, the proposals and their predictions."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from ahgateway.apps.pages import figure, framed, svg
+from ahgateway.apps.tune import HEADS, Tuning, iae, model_text, rows, shown
+from ahgateway.tuning.predict import Response
+from ahgateway.tuning.propose import Proposal
+
+BODY = """
+<p class="muted">{{ source }} · {{ samples }} samples every {{ interval }} s · noise {{ noise }}
+{%- if resolution %} · resolution {{ resolution }}{% endif %}</p>
+{% for each in findings %}
+<div class="finding {{ each.weight.value }}"><strong>{{ each.weight.value }}: {{ each.name }}.</strong> {{ each.text }}.
+{% if each.hint %}<br><em>{{ each.hint }}</em>{% endif %}</div>
+{% endfor %}
+<h2>Data and model</h2>
+{% if model %}<p>{{ model }}<br><span class="muted">{{ reason }}; residual test p = {{ white }}</span></p>{% endif %}
+<figure>{{ data_plot }}<figcaption>Above: PV as recorded and as the model gives it from MV alone. Middle: MV.
+{%- if model %} Below: one-step prediction errors.{% endif %}</figcaption></figure>
+{% if proposals %}
+<h2>Proposals for {{ instruction }}, dial {{ dial }}</h2>
+<table><tr>{% for head in heads %}<th>{{ head }}</th>{% endfor %}</tr>
+{% for row in proposals %}<tr{% if row[0].endswith("*") %} class="chosen"{% endif %}>
+{% for cell in row %}<td>{{ cell }}</td>{% endfor %}</tr>{% endfor %}</table>
+<p class="muted">Computed from what the registers will hold, with the exact controller (binary32, CYCLE, limits, dead
+band). Ms, GM and PM are those of the sampled loop. IAE in PV·s.</p>
+{% if chosen %}
+<h2>Recommended: {{ chosen.name }}</h2>
+<table><tr><th>operand</th><th>now</th><th>proposed</th></tr>
+{% for name, old, new in changes %}<tr><td>{{ name }}</td><td>{{ old }}</td><td>{{ new }}</td></tr>{% endfor %}</table>
+<p class="muted">{{ chosen.source }}</p>
+{% endif %}
+<figure>{{ prediction }}<figcaption>Predicted: a setpoint step of {{ sv_step }} (left part of the time axis from 0),
+and a load step of {{ load_step }} in MV.</figcaption></figure>
+{% if again %}<figure>{{ again }}<figcaption>The recorded run again, with what disturbed it then: as recorded (IAE
+{{ recorded_iae }}), and with the recommended gains.</figcaption></figure>{% endif %}
+{% endif %}
+"""
+
+
+def page(result: Tuning) -> str:
+    """Return the report as one HTML page that needs nothing else."""
+    identified = result.identified
+    record = identified.record
+    facts: dict[str, Any] = {
+        "source": record.name,
+        "samples": record.t_s.size,
+        "interval": f"{record.ts_s:g}",
+        "noise": f"{identified.noise:.3g}",
+        "resolution": f"{identified.resolution:g}" if identified.resolution else "",
+        "findings": result.findings,
+        "model": model_text(identified) if identified.fit else "",
+        "reason": identified.reason,
+        "white": f"{identified.whiteness.p:.2g}" if identified.whiteness else "-",
+        "data_plot": _data(result),
+        "proposals": rows(result),
+        "heads": HEADS,
+        "dial": f"{result.dial:g}",
+        "chosen": result.chosen,
+    }
+    loop = result.loop
+    if loop is not None and result.found:
+        best = result.chosen or result.found[0]
+        facts |= {
+            "instruction": loop.instruction,
+            "sv_step": f"{loop.sv_step:g}",
+            "load_step": f"{loop.load_step:g}",
+            "prediction": _prediction(result, best),
+            "changes": [
+                (name, shown(loop.settings[name]), shown(value))
+                for name, value in (result.chosen.settings.items() if result.chosen else ())
+            ],
+        }
+        if best.name in result.again:
+            trace = Response(record.t_s, record.sv, record.pv, record.mv)
+            facts |= {"again": _again(trace, result.again[best.name], best.name), "recorded_iae": f"{iae(trace):.4g}"}
+    return framed(f"Tuning of {record.name}", BODY, **facts)
+
+
+def _data(result: Tuning) -> Any:
+    record, fit = result.identified.record, result.identified.fit
+    made, axes = figure(3 if fit else 2)
+    axes[0].plot(record.t_s, record.pv, color="#59626c", linewidth=0.9, label="PV")
+    if fit is not None:
+        axes[0].plot(record.t_s, record.pv[0] + fit.simulated, color="#b3261e", linewidth=1.2, label="model")
+    if np.any(np.isfinite(record.sv)):
+        axes[0].plot(record.t_s, record.sv, color="#1b1f24", linewidth=0.8, linestyle="--", label="SV")
+    axes[0].legend(loc="best", frameon=False)
+    axes[0].set_ylabel("PV")
+    axes[1].step(record.t_s, record.mv, where="post", color="#1a5fb4", linewidth=1.0)
+    axes[1].set_ylabel("MV")
+    if fit is not None:
+        axes[2].plot(record.t_s, fit.residuals, color="#59626c", linewidth=0.6)
+        axes[2].set_ylabel("error")
+    axes[-1].set_xlabel("s")
+    return svg(made)
+
+
+def _prediction(result: Tuning, best: Proposal) -> Any:
+    made, axes = figure(4, 1.8)
+    shown_ones = [best, *([result.present] if result.present else [])]
+    for each, colour in zip(shown_ones, ("#26734d", "#59626c"), strict=False):
+        for row, trace in ((0, each.setpoint_trace), (2, each.load_trace)):
+            axes[row].plot(trace.t_s, trace.pv, color=colour, linewidth=1.2, label=each.name)
+            axes[row + 1].step(trace.t_s, trace.mv, where="post", color=colour, linewidth=1.0)
+    for row, trace, name in ((0, best.setpoint_trace, "SV step"), (2, best.load_trace, "load step")):
+        axes[row].plot(trace.t_s, trace.sv, color="#1b1f24", linewidth=0.8, linestyle="--")
+        axes[row].set_ylabel(f"PV, {name}")
+        axes[row + 1].set_ylabel("MV")
+    axes[0].legend(loc="best", frameon=False)
+    axes[-1].set_xlabel("s")
+    return svg(made)
+
+
+def _again(then: Response, now: Response, name: str) -> Any:
+    made, axes = figure(2)
+    axes[0].plot(then.t_s, then.pv, color="#59626c", linewidth=0.9, label="as recorded")
+    axes[0].plot(now.t_s, now.pv, color="#26734d", linewidth=1.1, label=name)
+    axes[0].plot(then.t_s, then.sv, color="#1b1f24", linewidth=0.8, linestyle="--", label="SV")
+    axes[0].legend(loc="best", frameon=False)
+    axes[1].step(then.t_s, then.mv, where="post", color="#59626c", linewidth=0.9)
+    axes[1].step(now.t_s, now.mv, where="post", color="#26734d", linewidth=1.0)
+    axes[0].set_ylabel("PV")
+    axes[1].set_ylabel("MV")
+    axes[-1].set_xlabel("s")
+    return svg(made)
