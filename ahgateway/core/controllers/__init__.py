@@ -2,78 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
+from ahgateway.core.controllers import (
+    begins,
+    begins_temp,
+    dpid,
+    dpide,
+    melsec_dialect,
+    melsec_pid,
+    pid_reg_ce,
+    pid_reg_ce_dialect,
+    pid_temp,
+    pid_temp_dialect,
+)
+from ahgateway.core.controllers.controller import Controller, Roles, Seen, replaced
+from ahgateway.core.operands import Access, Kind
 
-from ahgateway.core.controllers import dpid, dpide
-from ahgateway.core.operands import Operand
-from ahgateway.core.real import REAL
-
-
-@dataclass(frozen=True, slots=True)
-class Seen:
-    """A REAL in the PLC's memory that the instruction writes.
-
-    Attributes:
-        name: What people call it: the operand, or the operand with its double word, `I_MV+1`.
-        operand: Operand in whose words it stands.
-        dword: Offset in double words from that operand's first word.
-        attr: Attribute of the state, or of the terms for what is no state (`mout`).
-    """
-
-    name: str
-    operand: str
-    dword: int
-    attr: str
-
-
-@dataclass(frozen=True, slots=True)
-class Controller:
-    """One instruction.
-
-    Attributes:
-        name: The manual's name, as profiles write it.
-        operands: Every operand in the instruction's order.
-        seen: What the instruction leaves in memory, in the order in which a difference is blamed.
-        inputs: NamedTuple of what a step reads; attributes are operand names in lower case.
-        state: NamedTuple of what a step leaves; its defaults are a cold start.
-        terms: NamedTuple type of what a step publishes.
-        step: `step(inputs, state, dialect, ts)` to the next state and terms; pure.
-        nominal_ts: Configured sampling time in s, from the inputs.
-        recall: Bounds of the hidden state after an execution of which inputs, block and dialect are known.
-        law_ts: Ts as the law takes it, from inputs, dialect and, where that measures, ticks of its clock; None: as
-            configured.
-    """
-
-    name: str
-    operands: tuple[Operand, ...]
-    seen: tuple[Seen, ...]
-    inputs: Callable[..., Any]
-    state: Callable[..., Any]
-    terms: Callable[..., Any]
-    step: Callable[[Any, Any, Any, REAL], tuple[Any, Any]]
-    nominal_ts: Callable[[Any], REAL]
-    recall: Callable[..., tuple[tuple[Any, Any], ...]]
-    law_ts: Callable[[Any, Any, int], REAL] | None = None
-
-    def operand(self, name: str) -> Operand:
-        """Return the row of the operand with the manual's name; KeyError for another name."""
-        for row in self.operands:
-            if row.name == name:
-                return row
-        raise KeyError(name)
-
-    def ts(self, inputs: Any, dialect: Any, ticks: int = 0) -> REAL:
-        """Return Ts as `step` takes it in this dialect; `ticks` of the dialect's clock count where it measures."""
-        return self.nominal_ts(inputs) if self.law_ts is None else self.law_ts(inputs, dialect, ticks)
-
-    @property
-    def input_names(self) -> tuple[str, ...]:
-        """Attribute names of what a step reads, in order."""
-        fields: tuple[str, ...] = self.inputs._fields  # type: ignore[attr-defined]
-        return fields
-
+__all__ = ["CONTROLLERS", "DPID", "DPIDE", "MELSEC_PID", "PID_REG_CE", "PID_TEMP", "Controller", "Seen", "replaced"]
 
 DPID = Controller(
     "DPID",
@@ -111,4 +55,111 @@ DPIDE = Controller(
     dpide.law_ts,
 )
 
-CONTROLLERS: dict[str, Controller] = {controller.name: controller for controller in (DPID, DPIDE)}
+MELSEC_PID = Controller(
+    "MELSEC_PID",
+    melsec_pid.OPERANDS,
+    (
+        Seen("MV", "MV", 0, "out", Kind.INT, ""),
+        Seen("S24", "S24", 0, "alarm", Kind.INT, ""),
+    ),
+    melsec_pid.Operands,
+    melsec_pid.State,
+    melsec_pid.Terms,
+    melsec_pid.step,
+    melsec_pid.nominal_ts,
+    melsec_pid.recall,
+    dialect=melsec_dialect.DEFAULT,
+    axes=melsec_dialect.AXES,
+    roles=Roles(
+        integral="",
+        computed=("MV",),
+        writable=frozenset(),
+        starts="known from the moment its contact EN is seen off, at once where filter and derivative are off",
+    ),
+    computes=begins.melsec_computes,
+    tunes=begins.melsec_tunes,
+    begin=begins.melsec,
+)
+
+PID_REG_CE = Controller(
+    "PID_REG_CE",
+    pid_reg_ce.OPERANDS,
+    (
+        Seen("ERROR", "ERROR", 0, "error", place=""),
+        Seen("Y", "Y", 0, "y", place=""),
+        Seen("OPEN_OUT", "OPEN_OUT", 0, "open_out", Kind.BOOL, ""),
+        Seen("CLOSE_OUT", "CLOSE_OUT", 0, "close_out", Kind.BOOL, ""),
+        Seen("OSTANOV", "OSTANOV", 0, "ostanov", Kind.BOOL, ""),
+    ),
+    pid_reg_ce.Operands,
+    pid_reg_ce.State,
+    pid_reg_ce.Terms,
+    pid_reg_ce.step,
+    pid_reg_ce.nominal_ts,
+    pid_reg_ce.recall,
+    dialect=pid_reg_ce_dialect.DEFAULT,
+    axes=pid_reg_ce_dialect.AXES,
+    numbers=pid_reg_ce_dialect.RATIO_AXES,
+    roles=Roles(
+        sv="SET_POINT",
+        pvs=("ACTUAL",),
+        mv="Y",
+        integral="",
+        computed=("Y", "OPEN_OUT", "CLOSE_OUT"),
+        writable=frozenset(),
+        held=True,
+        starts="known from the moment OSTANOV is seen on: between two series, or in manual",
+    ),
+    computes=begins.always,
+    tunes=begins.never,
+    begin=begins.pid_reg_ce_start,
+    used=begins.pid_reg_ce_used,
+)
+
+_TEMP_PLACES = {"IntegralSum": "core.i", "PidOutputSum": "core.y"}
+_TEMP_FIRST = {"ScaledInput": 0, "IntegralSum": 1, "PidOutputSum": 2}
+
+PID_TEMP = Controller(
+    "PID_Temp",
+    pid_temp.OPERANDS,
+    tuple(
+        Seen(
+            row.name,
+            row.name,
+            0,
+            {"IntegralSum": "i"}.get(row.name, row.attr),
+            row.kind,
+            _TEMP_PLACES.get(row.name, ""),
+        )
+        for row in sorted(pid_temp.OPERANDS, key=lambda row: _TEMP_FIRST.get(row.name, len(_TEMP_FIRST)))
+        if row.access is Access.OUT or row.name == "IntegralSum"
+    ),
+    pid_temp.Operands,
+    pid_temp.State,
+    pid_temp.Terms,
+    pid_temp.step,
+    pid_temp.nominal_ts,
+    pid_temp.recall,
+    dialect=pid_temp_dialect.DEFAULT,
+    axes=pid_temp_dialect.AXES,
+    roles=Roles(
+        sv="Setpoint",
+        pvs=("Input", "Input_PER"),
+        mv="PidOutputSum",
+        integral="IntegralSum",
+        computed=("IntegralSum", "PidOutputSum", "OutputHeat_PWM", "OutputCool_PWM"),
+        writable=frozenset({"IntegralSum"}),
+        held=True,
+        starts="known from State 0 or manual on, or from an execution of the law; pulses from State 0 on",
+    ),
+    computes=begins.always,
+    tunes=begins_temp.tunes,
+    begin=begins_temp.start,
+    used=begins_temp.used,
+    veiled=begins_temp.veiled,
+    veil=begins_temp.veil,
+)
+
+CONTROLLERS: dict[str, Controller] = {
+    controller.name: controller for controller in (DPID, DPIDE, MELSEC_PID, PID_REG_CE, PID_TEMP)
+}
