@@ -212,6 +212,8 @@ class FakePlc:
         if not self.is_running:
             self.is_running = True
             self._is_first_scan = True
+            for item in self.items.values():
+                item.stopped()
             self._show_mode()
 
     def restart(self, *, is_retained: bool) -> None:

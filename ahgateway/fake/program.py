@@ -2,7 +2,8 @@
 
 This file alone decides the schedule of executions (spec §1.1): time is gathered scan by scan, an execution is due
 when it reaches the sampling time, the excess is carried over, and whatever would make the next one due at once is
-dropped. While EN is off nothing is executed and no time is gathered (ASSUMED, spec A.8/12).
+dropped. While EN is off nothing is executed and no time is gathered (ASSUMED, spec A.8/12). The dialect's axes of the
+schedule change this where they say so, and hand in the measured interval, on the clock's grid, instead of CYCLE.
 """
 
 from __future__ import annotations
@@ -12,7 +13,23 @@ from collections import deque
 from typing import Any, NamedTuple
 
 from ahgateway.codec.station import Loop
-from ahgateway.core.dialect import FirstCall
+from ahgateway.core.controllers.delta import limit
+from ahgateway.core.controllers.delta_terms import ticks_per_second
+from ahgateway.core.dialect import (
+    DEFAULT,
+    Clamped,
+    Dialect,
+    EnOffTime,
+    EnOnHistory,
+    FirstCall,
+    Limits,
+    ManualRefresh,
+    RunOffScan,
+    RunOn,
+    Schedule,
+    StopHistory,
+)
+from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL
 from ahgateway.fake import autotune
 from ahgateway.fake.faults import Fault, Step
@@ -69,6 +86,8 @@ class PidItem:
         self._is_restless = is_restless
         self._fault: Fault | None = None
         self._step: Step = loop.controller.step
+        # The schedule's axes are those of Delta's dialect; other laws are scheduled as by default.
+        self._dialect: Dialect = DEFAULT if loop.controller.law_ts is None else loop.dialect
         self.power_up()
 
     def power_up(self) -> None:
@@ -80,10 +99,11 @@ class PidItem:
         self._is_first = True
         self._gathered_ns = 0
         self._last_ns: int | None = None
-        self._ts = REAL(0)
         self._ts_ns = 0
         self._generation = -1
         self._pv_before: REAL | None = None
+        self._was_enabled = True
+        self._was_run = True
 
     def fail(self, fault: Fault | None) -> None:
         """Compute wrongly from the next execution on, or rightly again with None."""
@@ -100,11 +120,21 @@ class PidItem:
         pv_before, self._pv_before = self._pv_before, None
         if self._fault is not None and self._fault.is_pv_late:
             self._pv_before = self.wiring.get("PV")
+        dialect = self._dialect
         if not self.wiring.enabled():
+            self._was_enabled = False
+            if dialect.en_off_time == EnOffTime.RUNS:
+                self._gathered_ns += elapsed_ns
             return False
+        if not self._was_enabled:
+            self._was_enabled = True
+            if dialect.en_on_history == EnOnHistory.FORGOTTEN:
+                self.forget()
         if self._is_restless:
             self.wiring.junk(self._rng)
-        if not self._is_due(elapsed_ns):
+        if not self._is_due(elapsed_ns) and not self._stops_now():
+            if dialect.manual_refresh == ManualRefresh.EACH_SCAN:
+                self._refresh_manual()
             return False
         if self.skip > 0:
             self.skip -= 1
@@ -112,39 +142,108 @@ class PidItem:
         self._execute(now_ns, pv_before)
         return True
 
+    def stopped(self) -> None:
+        """The PLC went to STOP and back to RUN."""
+        if self._dialect.stop_history == StopHistory.FORGOTTEN:
+            self.forget()
+
+    def forget(self) -> None:
+        """The next execution starts anew, whatever came before."""
+        if hasattr(self._state, "valid"):
+            self._state = self._state._replace(valid=False)
+
     def _is_due(self, elapsed_ns: int) -> bool:
+        dialect = self._dialect
         if self._generation != self._memory.generation:
             self._generation = self._memory.generation
-            self._ts = self.loop.controller.nominal_ts(self.wiring.inputs())
-            self._ts_ns = round(float(self._ts) * 1e9 / TIME_GRID_NS) * TIME_GRID_NS
+            inputs = self.wiring.inputs()
+            self._ts_ns = round(float(self.loop.controller.nominal_ts(inputs)) * 1e9 / TIME_GRID_NS) * TIME_GRID_NS
+            self._note_run(inputs)
         if self._is_first:
             self._is_first = False
-            return self.loop.dialect.first_call == FirstCall.AT_ONCE
+            if dialect.first_call == FirstCall.AFTER_CYCLE:
+                self._gathered_ns = 0
+                return False
+            return True
         self._gathered_ns += elapsed_ns
         if self._gathered_ns < self._ts_ns:
             return False
         self._gathered_ns -= self._ts_ns
-        if self._gathered_ns >= self._ts_ns:
+        if self._gathered_ns >= self._ts_ns or dialect.schedule == Schedule.DRIFTING:
             self._gathered_ns = 0
         return True
 
+    def _note_run(self, inputs: Any) -> None:
+        """When PID_RUN rises, the dialect may begin a new schedule."""
+        is_run = bool(getattr(inputs, "pid_run", True))
+        if is_run and not self._was_run and self._dialect.run_on != RunOn.GOES_ON:
+            is_now = self._dialect.run_on == RunOn.AT_ONCE
+            self._gathered_ns = self._ts_ns if is_now else 0
+        self._was_run = is_run
+
+    def _stops_now(self) -> bool:
+        """PID_RUN = FALSE acts at every scan in some dialects; once is enough, since it leaves what it finds."""
+        if self._dialect.run_off_scan != RunOffScan.EVERY_SCAN or self._was_run:
+            return False
+        return bool(self._state.mv != 0) or bool(self.wiring.get("MV") != 0)
+
+    def _refresh_manual(self) -> None:
+        """MV follows MOUT at each scan in manual, limited as at an execution."""
+        inputs = self.wiring.inputs()
+        if not (inputs.pid_run and inputs.pid_man and inputs.pid_mode != 1) or inputs.mout != inputs.mout:
+            return
+        low, high = inputs.mv_min, inputs.mv_max
+        if high < low and self._dialect.limits != Limits.AS_WRITTEN:
+            low, high = high, low
+        mv = limit(low, inputs.mout, high)
+        if self._state.man1 and mv != self._state.mv:
+            self._state = self._state._replace(mv=mv)
+            self.wiring.put("MV", float(mv))
+
+    def _ts(self, inputs: Any, now_ns: int) -> REAL:
+        """The interval as the law takes it; measured as the difference of two readings of the clock."""
+        per_second = ticks_per_second(self._dialect)
+        ticks = 0
+        if per_second:
+            ticks = round(float(self.loop.controller.nominal_ts(inputs)) * per_second)
+            if self._last_ns is not None:
+                tick_ns = 1_000_000_000 // per_second
+                ticks = max(1, now_ns // tick_ns - self._last_ns // tick_ns)
+        return self.loop.controller.ts(inputs, self.loop.dialect, ticks)
+
     def _execute(self, now_ns: int, pv_before: REAL | None) -> None:
         inputs = self.wiring.inputs()
+        ts = self._ts(inputs, now_ns)
         seen_inputs = inputs if pv_before is None else inputs._replace(pv=pv_before)
         before = self.wiring.recalled(self._state)
-        state, terms = self._step(seen_inputs, before, self.loop.dialect, self._ts)
+        state, terms = self._step(seen_inputs, before, self.loop.dialect, ts)
         if inputs.pid_run and inputs.pid_mode == 1:
-            state, terms = self._tune(inputs, state, terms)
+            state, terms = self._tune(inputs, state, terms, ts)
         else:
             self.tuning = None
         self.wiring.leave(state, terms)
+        self._write_back(inputs)
         self._state = state
         since_ns = 0 if self._last_ns is None else now_ns - self._last_ns
         self._last_ns = now_ns
         self.executed += 1
-        self.log.append(Execution(now_ns, seen_inputs, before, state, terms, self._ts, since_ns))
+        self.log.append(Execution(now_ns, seen_inputs, before, state, terms, ts, since_ns))
 
-    def _tune(self, inputs: Any, state: Any, terms: Any) -> tuple[Any, Any]:
+    def _write_back(self, inputs: Any) -> None:
+        """Put corrected operands into their registers where the dialect does."""
+        if self._dialect.limits == Limits.WRITTEN_BACK and inputs.mv_max < inputs.mv_min:
+            self.wiring.put_all({"MV_MAX": float(inputs.mv_min), "MV_MIN": float(inputs.mv_max)})
+        if self._dialect.clamped != Clamped.WRITTEN_BACK:
+            return
+        for row in self.loop.controller.operands:
+            if row.kind not in (Kind.REAL, Kind.DINT) or row.minimum is None:
+                continue
+            value = getattr(inputs, row.attr)
+            held = max(value, row.minimum) if row.maximum is None else min(max(value, row.minimum), row.maximum)
+            if held != value and row.name != "PID_MODE":
+                self.wiring.put_all({row.name: held})
+
+    def _tune(self, inputs: Any, state: Any, terms: Any, ts: REAL) -> tuple[Any, Any]:
         """Go on with the relay experiment; the law itself holds while PID_MODE is 1."""
         error = float(inputs.sv - inputs.pv if inputs.pid_dir else inputs.pv - inputs.sv)
         if error != error:
@@ -153,7 +252,7 @@ class PidItem:
             self.tuning = autotune.begin(error)
         else:
             hysteresis = max(abs(float(inputs.err_dbw)), self.hysteresis)
-            self.tuning = autotune.swing(self.tuning, error, float(inputs.pv), hysteresis, float(self._ts))
+            self.tuning = autotune.swing(self.tuning, error, float(inputs.pv), hysteresis, float(ts))
         low, high = sorted((inputs.mv_min, inputs.mv_max))
         if self.tuning.is_done:
             found = autotune.gains(self.tuning, float(high) - float(low))

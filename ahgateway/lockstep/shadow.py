@@ -103,9 +103,9 @@ def recalled(loop: Loop, inputs: Iterable[Any], seen: Mapping[str, REAL]) -> Sha
     """Start a shadow behind an execution whose words are known: every hidden state it can have left."""
     controller = loop.controller
     known = {word.attr: seen[word.name] for word in controller.seen if hasattr(controller.state(), word.attr)}
-    found = [
-        Bound(*pair) for read in inputs for pair in controller.recall(read, controller.state(**known), loop.dialect)
-    ]
+    # Delta's laws alone have a dialect in which less can be recalled.
+    dialect = () if controller.law_ts is None else (loop.dialect,)
+    found = [Bound(*pair) for read in inputs for pair in controller.recall(read, controller.state(**known), *dialect)]
     return merged(found)
 
 
@@ -276,7 +276,7 @@ def _narrowed(
         return _side(loop, inputs, state, seen, names, ts)
 
     low, high = order(getattr(bound.low, attr)), order(getattr(bound.high, attr))
-    margin = MARGIN_ULP if loop.dialect.filter in (Filter.FORWARD, Filter.ALPHA) else 0
+    margin = MARGIN_ULP if getattr(loop.dialect, "filter", None) in (Filter.FORWARD, Filter.ALPHA) else 0
     if not margin or high - low > 4 * MARGIN_ULP:
         sign = -1 if side(low) > side(high) else 1
         first = _first(low, high, lambda position: sign * side(position) >= 0)
