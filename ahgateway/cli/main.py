@@ -1,4 +1,7 @@
-"""The command line's front door: commands, and the one place where errors become messages and exit codes."""
+"""The command line's front door: the one place where errors become messages and exit codes.
+
+The commands stand in the table of `cli/commands.py`.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,11 @@ from typing import Annotated
 import typer
 
 from ahgateway import __version__
-from ahgateway.cli import demo, fake, journal, monitor, profile, tune, write
+from ahgateway.cli.commands import LazyGroup
 from ahgateway.errors import AhGatewayError, PlcRefusedError, TransportError
 
 app = typer.Typer(
+    cls=LazyGroup,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -36,15 +40,6 @@ def root(
     ] = False,
 ) -> None:
     """Options that stand before any command."""
-
-
-app.command(name="demo")(demo.demo)
-app.command(name="monitor")(monitor.monitor)
-app.command(name="fake")(fake.fake)
-app.command(name="write")(write.write)
-app.command(name="tune")(tune.tune)
-app.add_typer(profile.app, name="profile")
-app.add_typer(journal.app, name="journal")
 
 
 def exit_code(error: AhGatewayError) -> int:
