@@ -48,6 +48,7 @@ class Fit:
         spread: Standard deviation of PV around `simulated`.
         bic: Bayesian information criterion; smaller is better.
         count: Parameters that were fitted.
+        point: Where the search ended: dead time, logarithm of lag and of damping, φ, c.
     """
 
     model: Model
@@ -60,6 +61,7 @@ class Fit:
     spread: float
     bic: float
     count: int
+    point: Array
 
     @property
     def snr(self) -> float:
@@ -143,7 +145,15 @@ def driven(model: Model, u: Array, ts_s: float) -> Array:
     return late
 
 
-def fit(record: Record, kind: Kind, *, noise: bool, load_ramp: bool = False, mv: Array | None = None) -> Fit:
+def fit(
+    record: Record,
+    kind: Kind,
+    *,
+    noise: bool,
+    load_ramp: bool = False,
+    mv: Array | None = None,
+    near: Fit | None = None,
+) -> Fit:
     """Fit one kind of model to an even record.
 
     Args:
@@ -152,6 +162,7 @@ def fit(record: Record, kind: Kind, *, noise: bool, load_ramp: bool = False, mv:
         noise: True fits a noise model beside the process, False takes the noise as white.
         load_ramp: True lets the load rise evenly over the record: a drift.
         mv: What moved the process, where it is not the record's MV: behind a valve model, for instance.
+        near: A fit of this kind to start from, instead of a search over the whole grid.
     """
     u = record.mv if mv is None else mv
     problem = _Problem(
@@ -159,7 +170,7 @@ def fit(record: Record, kind: Kind, *, noise: bool, load_ramp: bool = False, mv:
     )
     low, high = _bounds(problem)
     best: Any = None
-    for start in _starts(problem, low, high):
+    for start in _starts(problem) if near is None else [near.point]:
         found = optimize.least_squares(
             problem.errors,
             np.clip(start, low + 1e-9, high - 1e-9),
@@ -195,7 +206,7 @@ def _scales(problem: _Problem, start: Array) -> Array:
     return scales
 
 
-def _starts(problem: _Problem, low: Array, high: Array) -> list[Array]:
+def _starts(problem: _Problem) -> list[Array]:
     """The best points of a coarse grid over dead time and lag, white noise assumed, far enough from each other."""
     span, ts = float(problem.t_s[-1]), problem.ts_s
     white = _Problem(problem.kind, problem.t_s, problem.y, problem.u, ts, False, problem.load_ramp)
@@ -252,6 +263,7 @@ def _finished(problem: _Problem, point: Array) -> Fit:
         float(np.std(problem.y - simulated)),
         n * math.log(rss / n) + count * math.log(n),
         count,
+        point,
     )
 
 

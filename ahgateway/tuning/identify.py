@@ -146,7 +146,8 @@ def null_bic(record: Record, chosen: Fit) -> float:
 def _drift(record: Record, chosen: Fit) -> tuple[Finding, ...]:
     """Ask whether a load that rises evenly explains PV better, by a first-order process at most."""
     kind = Kind.FOPDT if chosen.model.kind is Kind.IPDT else chosen.model.kind
-    ramp = fit(record, kind, noise=chosen.noise_model is not None, load_ramp=True)
+    near = chosen if chosen.model.kind is kind else None
+    ramp = fit(record, kind, noise=chosen.noise_model is not None, load_ramp=True, near=near)
     flat = ramp.simulated - ramp.moved
     return checks.drift(chosen, ramp, float(flat[-1] - flat[flat.size // 10]))
 
@@ -164,7 +165,7 @@ def _nonlinear(record: Record, chosen: Fit) -> tuple[Finding, ...]:
             position = shape(record.mv, share * reach)
             if float(np.ptp(position)) <= 0.0 or np.array_equal(position, record.mv):
                 continue
-            tried = fit(record, kind, noise=coloured, mv=position)
+            tried = fit(record, kind, noise=coloured, mv=position, near=chosen)
             if tried.bic + penalty < best_bic:
                 best_bic, best = tried.bic + penalty, (_valve(name, share * reach, share, chosen.bic - best_bic),)
     two = _two_gains(record, chosen)
