@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from ahgateway.codec.access import Request
 
 
-@dataclass(frozen=True, slots=True)
-class Reply:
-    """The PLC's answer to exactly this request.
+class Reply(NamedTuple):
+    """The PLC's answer to exactly this request. A tuple, because one is made for every exchange.
 
     Attributes:
         request: What was asked.

@@ -24,6 +24,12 @@ from ahgateway.transports.framing import Adu, Framing
 from ahgateway.transports.pdu import Shape, decode_reply, describe, encode_request, reply_shape
 
 ROUND_TRIPS_KEPT_MAX = 4096
+KNOWN_MAX = 256
+"""A poller asks the same request objects again and again; so many of them are encoded once (MEASURED 3 µs each)."""
+EXPIRED_MAX = 1000
+"""Transaction numbers whose late replies may still come; beyond that only a new connection is clean."""
+UNANSWERED_MAX = 3
+"""After so many time-outs in a row without a byte the peer is taken for half open."""
 PROBES_MAX = 3
 """So many alignment probes may precede one request; a line that stays in doubt fails it."""
 STRAY_FRAME_SIZE_MIN = 5
@@ -64,13 +70,12 @@ class Limits:
 class _Job:
     __slots__ = ("deadline_ns", "pdu", "request", "sent_ns", "shape", "waiter")
 
-    def __init__(self, request: Request, pdu: bytes, waiter: Waiter | None) -> None:
-        self.request = request
-        self.pdu = pdu
-        self.shape: Shape = reply_shape(request, pdu)
+    sent_ns: int
+    deadline_ns: int
+
+    def __init__(self, asked: tuple[Request, bytes, Shape], waiter: Waiter | None) -> None:
+        self.request, self.pdu, self.shape = asked
         self.waiter = waiter  # None for an alignment probe
-        self.sent_ns = 0
-        self.deadline_ns = 0
 
 
 class Engine:
@@ -92,12 +97,16 @@ class Engine:
         self.unanswered_in_a_row = 0
         self.replies_on_connection = 0
         self._limits = limits
+        self._identifies = framing.identifies
+        self._timeout_ns = limits.timeout_ns
+        self._pause_ns = limits.pause_ns
         self._clock = clock
         self._figures = figures
         self._target = target
         self._tap = tap
         self._window = limits.window if framing.identifies else 1
         self._queue: deque[_Job] = deque()
+        self._known: dict[int, tuple[Request, bytes, Shape]] = {}
         self._flying: dict[int, _Job] = {}
         self._expired: set[int] = set()
         self._tag = 0
@@ -114,6 +123,16 @@ class Engine:
     def is_busy(self) -> bool:
         """True while anything is queued or in flight."""
         return bool(self._flying or self._queue)
+
+    @property
+    def has_queue(self) -> bool:
+        """True while anything waits to be sent."""
+        return bool(self._queue)
+
+    @property
+    def is_worn(self) -> bool:
+        """True when only a new connection is clean: too many answers are still owed on this one."""
+        return self.unanswered_in_a_row >= UNANSWERED_MAX or len(self._expired) > EXPIRED_MAX
 
     def connected(self, now_ns: int) -> None:
         """Start on a fresh connection; nothing that was said on the old one counts."""
@@ -133,38 +152,62 @@ class Engine:
         Raises:
             CodecError: No PDU can hold it; nothing has been queued.
         """
-        if request.unit == 0 and not self.framing.identifies:
-            raise CodecError(
-                f"cannot {describe(request)}: unit 0 is everybody on a serial line and nobody answers",
-                hint="units on a serial line are 1…247",
-            )
-        self._queue.append(_Job(request, encode_request(request), waiter))
+        self._queue.append(self._job(request, waiter))
+
+    def offer(self, request: Request, waiter: Waiter, now_ns: int) -> bytes | None:
+        """Queue a request and return the next frame to write at once, or None: `submit` and `outgoing` in one.
+
+        Raises:
+            CodecError: No PDU can hold it; nothing has been queued.
+        """
+        job = self._job(request, waiter)
+        if self._queue or not self._identifies:
+            self._queue.append(job)
+            return self.outgoing(now_ns)
+        if len(self._flying) >= self._window or now_ns < self._send_after_ns:
+            self._queue.append(job)
+            return None
+        return self._launch(job, self._next_tag(), now_ns)
+
+    def _job(self, request: Request, waiter: Waiter) -> _Job:
+        known = self._known.get(id(request))
+        if known is None:
+            if request.unit == 0 and not self._identifies:
+                raise CodecError(
+                    f"cannot {describe(request)}: unit 0 is everybody on a serial line and nobody answers",
+                    hint="units on a serial line are 1…247",
+                )
+            pdu = encode_request(request)
+            if len(self._known) >= KNOWN_MAX:
+                self._known.clear()
+            known = self._known[id(request)] = (request, pdu, reply_shape(request, pdu))
+        return _Job(known, waiter)
 
     def outgoing(self, now_ns: int) -> bytes | None:
         """Return the next frame to write at once, or None when nothing may be sent now."""
         queue = self._queue
-        while queue and queue[0].waiter is not None and queue[0].waiter.done():
-            queue.popleft()  # its caller has gone; what was not sent is not sent
         if not queue or len(self._flying) >= self._window or now_ns < self._send_after_ns:
             return None
-        tag = 0
-        if self.framing.identifies:
-            job = queue.popleft()
-            tag = self._next_tag()
-        else:
+        if not self._identifies:
             provable = self._provable(now_ns)
             if provable is None:
                 return self.outgoing(now_ns)
-            job = provable
-            self.framing.expect(job.request.unit, job.shape.head, job.shape.size)
+            self.framing.expect(provable.request.unit, provable.shape.head, provable.shape.size)
+            return self._launch(provable, 0, now_ns)
+        job = queue.popleft()
+        if job.waiter is not None and job.waiter.done():
+            return self.outgoing(now_ns)  # its caller has gone; what was not sent is not sent
+        return self._launch(job, self._next_tag(), now_ns)
+
+    def _launch(self, job: _Job, tag: int, now_ns: int) -> bytes:
         frame = self.framing.wrap(tag, job.request.unit, job.pdu)
         job.sent_ns = now_ns
-        job.deadline_ns = now_ns + self._limits.timeout_ns
+        job.deadline_ns = now_ns + self._timeout_ns
         if self._limits.byte_ns:
             job.deadline_ns += self._limits.byte_ns * (len(frame) + len(self.framing.wrap(0, 0, bytes(job.shape.size))))
         self._flying[tag] = job
-        self._noisy_since_ns = None
         self._figures.requests += 1
+        self._noisy_since_ns = None
         if self._tap is not None:
             self._tap(Frame(">", frame, now_ns, self._clock.utc_ns()))
         return frame
@@ -181,22 +224,27 @@ class Engine:
         if first_ns is None:
             first_ns = now_ns
         self.unanswered_in_a_row = 0
-        found = self.framing.feed(piece)
+        framing = self.framing
+        found = framing.feed(piece)
         for adu in found:
             self._match(adu, first_ns, now_ns)
             first_ns = now_ns
-        is_kept = self.framing.kept > 0
-        self._first_ns = first_ns if is_kept else None
+        self._first_ns = None
         if found and self._tap is not None:
             self._flush_heard(now_ns)
-        if not self.framing.identifies and not self._flying and is_kept:
-            # More than was asked for: let the line fall silent, then look at what it was. A line that never falls
-            # silent must not hold a caller for ever: after one time-out the next request goes out all the same.
-            if self._noisy_since_ns is None:
-                self._noisy_since_ns = now_ns
-            latest_ns = self._noisy_since_ns + self._limits.timeout_ns
-            silent_ns = min(now_ns + max(self._limits.quiet_ns, self._limits.pause_ns), latest_ns)
-            self._send_after_ns = max(self._send_after_ns, silent_ns)
+        if framing.kept:
+            self._first_ns = first_ns
+            if not self._identifies and not self._flying:
+                self._wait_for_silence(now_ns)
+
+    def _wait_for_silence(self, now_ns: int) -> None:
+        # More than was asked for: let the line fall silent, then look at what it was. A line that never falls
+        # silent must not hold a caller for ever: after one time-out the next request goes out all the same.
+        if self._noisy_since_ns is None:
+            self._noisy_since_ns = now_ns
+        latest_ns = self._noisy_since_ns + self._limits.timeout_ns
+        silent_ns = min(now_ns + max(self._limits.quiet_ns, self._limits.pause_ns), latest_ns)
+        self._send_after_ns = max(self._send_after_ns, silent_ns)
 
     def tick(self, now_ns: int) -> None:
         """Fail what has passed its deadline."""
@@ -204,7 +252,7 @@ class Engine:
             job = self._flying.pop(tag)
             self._figures.timeouts += 1
             self.unanswered_in_a_row += 1
-            if self.framing.identifies:
+            if self._identifies:
                 self._expired.add(tag)
                 self._fail(job, self._timeout_error(job, 0))
             else:
@@ -245,7 +293,11 @@ class Engine:
             )
 
     def _provable(self, now_ns: int) -> _Job | None:
-        """Return the queue's head, or the alignment probe that must come before it; None when the head has failed."""
+        """Return the queue's head, or the alignment probe that must come before it; None when the head is no more."""
+        waiter = self._queue[0].waiter
+        if waiter is not None and waiter.done():
+            self._queue.popleft()
+            return None
         stray = self.framing.drain()
         # Only a probe's own reply may come twice without harm: nothing else has its shape.
         if len(stray) >= STRAY_FRAME_SIZE_MIN and stray != self._probe_frame:
@@ -263,13 +315,14 @@ class Engine:
             return None
         self._probes += 1
         probe = self._alignment.probe(request, now_ns)
-        return _Job(probe, encode_request(probe), None)
+        pdu = encode_request(probe)
+        return _Job((probe, pdu, reply_shape(probe, pdu)), None)
 
     def _next_tag(self) -> int:
-        while True:
-            self._tag = (self._tag + 1) & 0xFFFF
-            if self._tag not in self._flying and self._tag not in self._expired:
-                return self._tag
+        tag = self._tag = (self._tag + 1) & 0xFFFF
+        while tag in self._flying or tag in self._expired:
+            tag = self._tag = (self._tag + 1) & 0xFFFF
+        return tag
 
     def _match(self, adu: Adu, first_ns: int, now_ns: int) -> None:
         job = self._flying.pop(adu.tag, None)
@@ -277,9 +330,9 @@ class Engine:
             self._expired.discard(adu.tag)
             self._figures.late += 1
             return
-        request, limits = job.request, self._limits
-        if limits.pause_ns:
-            self._send_after_ns = now_ns + limits.pause_ns
+        request = job.request
+        if self._pause_ns:
+            self._send_after_ns = now_ns + self._pause_ns
         if adu.unit != request.unit:
             self._fail(job, FrameError(f"{self._target}: unit {adu.unit} answered to: {describe(request)}"))
             return
@@ -290,7 +343,7 @@ class Engine:
             return
         self.replies_on_connection += 1
         aligned_ns = self._connected_ns
-        if not self.framing.identifies:
+        if not self._identifies:
             self._probe_frame = b""
             if job.waiter is None:
                 self._prove(job, adu, now_ns)

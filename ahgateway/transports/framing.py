@@ -28,6 +28,10 @@ class Adu(NamedTuple):
     pdu: bytes
 
 
+_new_adu = tuple.__new__
+"""Makes an Adu without the detour through its constructor's Python code; only in the hot path."""
+
+
 class Framing(Protocol):
     """One direction of one connection: it keeps the bytes of a frame that has not come to its end.
 
@@ -85,7 +89,7 @@ class Mbap:
             # Nearly always one piece is one frame; then nothing is copied but the PDU itself.
             tag, protocol, length, unit = _HEADER.unpack_from(piece)
             if size == length + 6 and protocol == 0 and length <= _LENGTH_MAX:
-                return [Adu(tag, unit, bytes(piece[_HEADER_SIZE:]))]
+                return [_new_adu(Adu, (tag, unit, bytes(piece[_HEADER_SIZE:])))]
         self._rest += piece
         return self._split()
 

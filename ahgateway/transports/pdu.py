@@ -4,7 +4,8 @@ The one module that meets pymodbus' PDUs. It decides what a function code asks, 
 exception means; it knows nothing of units on a line, checksums, transaction numbers or time.
 
 Reading words and bits is the hot path. pymodbus decodes 40 registers one by one (MEASURED 10 µs a reply, one
-`struct.unpack` 0.5 µs), so read replies are packed and unpacked here; everything else passes through pymodbus.
+`struct.unpack` 0.5 µs), so read replies are packed and unpacked here; requests, writes and exceptions pass through
+pymodbus.
 
 Source: MANUAL Modbus Application Protocol V1.1b3, §6 functions, §7 exceptions.
 """

@@ -11,22 +11,21 @@ from __future__ import annotations
 import asyncio
 import socket
 from collections.abc import Callable
-from typing import cast
+from contextvars import Context
+from typing import Any, cast
 
 from ahgateway.clock import MILLISECOND, SECOND, Clock
 from ahgateway.codec.access import Request
 from ahgateway.codec.station import Pacing
 from ahgateway.errors import FrameError, LinkError
 from ahgateway.transports.base import LinkFigures, Reply, Tap
-from ahgateway.transports.engine import Engine, Limits
+from ahgateway.transports.engine import UNANSWERED_MAX, Engine, Limits
 from ahgateway.transports.framing import Framing, Mbap
 from ahgateway.transports.pdu import describe
 
 CONNECT_TIMEOUT_NS = 3 * SECOND
 BACKOFF_MIN_NS = 100 * MILLISECOND
 BACKOFF_MAX_NS = 5 * SECOND
-UNANSWERED_MAX = 3
-"""After so many time-outs in a row without a byte the peer is taken for half open and the connection renewed."""
 KEEPALIVE_IDLE_S = 30
 """MANUAL AH10SCM, Modbus settings: keep-alive of 30 s is the default there; the CPU port's value is not known."""
 BUFFER_SIZE = 8192
@@ -51,6 +50,47 @@ class _Wire(asyncio.BufferedProtocol):
     def connection_lost(self, exc: Exception | None) -> None:
         self.closed.set()
         self._gone(self, exc)
+
+
+class _Answer(asyncio.Future[Reply]):
+    """A future whose waiting task goes on inside `set_result`, not at the next turn of the loop.
+
+    One turn of the loop costs as much as the rest of an exchange (MEASURED: a quarter of the throughput with one
+    request in flight). `set_result` is only called where bytes arrive, which is never inside a task.
+    """
+
+    _waker: Callable[[Any], object] | None = None
+    _waker_context: Context | None = None
+
+    def add_done_callback(self, fn: Callable[[Any], object], /, *, context: Context | None = None) -> None:
+        if self._waker is None and context is not None and not self.done():
+            self._waker, self._waker_context = fn, context
+        else:
+            super().add_done_callback(fn, context=context)
+
+    def remove_done_callback(self, fn: Callable[[Any], object], /) -> int:
+        self._hand_back()
+        return super().remove_done_callback(fn)
+
+    def set_result(self, reply: Reply, /) -> None:
+        waker, context = self._waker, self._waker_context
+        self._waker = None
+        asyncio.Future.set_result(self, reply)
+        if waker is not None and context is not None:
+            context.run(waker, self)
+
+    def set_exception(self, error: type | BaseException, /) -> None:
+        self._hand_back()
+        super().set_exception(error)
+
+    def cancel(self, msg: object | None = None) -> bool:
+        self._hand_back()
+        return super().cancel(msg)
+
+    def _hand_back(self) -> None:
+        waker, self._waker = self._waker, None
+        if waker is not None:
+            super().add_done_callback(waker, context=self._waker_context)
 
 
 class TcpLink:
@@ -102,16 +142,23 @@ class TcpLink:
         self._retry_ns = 0
         self._connections = 0
         self._is_out = False
+        self._is_receiving = False
         self._is_closed = False
 
     async def exchange(self, request: Request) -> Reply:
         """Send one request and return its reply; see `base.Link.exchange`."""
         if self._transport is None:
             await self._connect(request)
-        future: asyncio.Future[Reply] = cast(asyncio.AbstractEventLoop, self._loop).create_future()
-        self._engine.submit(request, future)
-        self._pump()
-        return await future
+        answer = _Answer(loop=self._loop)
+        if self._is_receiving:
+            self._engine.submit(request, answer)
+            return await answer
+        frame = self._engine.offer(request, answer, self._clock.now_ns())
+        if frame is not None and self._transport is not None:
+            self._transport.write(frame)
+        if self._timer is None or frame is None:
+            self._watch()
+        return await answer
 
     async def close(self) -> None:
         """Close the connection; every request still waiting fails with LinkError."""
@@ -175,14 +222,22 @@ class TcpLink:
         self._engine.connected(self._clock.now_ns())
 
     def _pump(self) -> None:
-        engine, transport, now_ns = self._engine, self._transport, self._clock.now_ns()
+        engine, transport = self._engine, self._transport
         if transport is None:
             return
+        now_ns = self._clock.now_ns()
+        frames = []
         while (frame := engine.outgoing(now_ns)) is not None:
-            transport.write(frame)
-        wake_ns = engine.wake_ns()
+            frames.append(frame)
+        if frames:
+            transport.write(b"".join(frames))
+        self._watch()
+
+    def _watch(self) -> None:
+        """See to it that a timer runs. One that runs is early enough for all deadlines: all time-outs are equal."""
+        wake_ns = self._engine.wake_ns()
         if wake_ns is not None and (self._timer is None or wake_ns < self._timer_ns):
-            self._arm(wake_ns, now_ns)
+            self._arm(wake_ns, self._clock.now_ns())
 
     def _arm(self, wake_ns: int, now_ns: int) -> None:
         if self._timer is not None:
@@ -194,20 +249,23 @@ class TcpLink:
     def _on_timer(self) -> None:
         self._timer = None
         self._engine.tick(self._clock.now_ns())
-        if self._engine.unanswered_in_a_row >= UNANSWERED_MAX:
+        if self._engine.is_worn:
             self._drop(f"{UNANSWERED_MAX} requests in a row without a byte in answer, connection renewed", None)
         self._pump()
 
     def _received(self, piece: memoryview) -> None:
         engine = self._engine
+        self._is_receiving = True  # callers that go on at once only queue; all they ask leaves in one piece
         try:
             engine.received(piece, self._clock.now_ns())
         except FrameError as error:
             self._drop(error.message, error.hint, FrameError)
             return
+        finally:
+            self._is_receiving = False
         if self._is_out and engine.replies_on_connection:
             self._is_out, self._backoff_ns = False, 0
-        if engine.is_busy:
+        if engine.has_queue:
             self._pump()
 
     def _lost(self, wire: _Wire, error: Exception | None) -> None:

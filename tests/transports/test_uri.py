@@ -79,5 +79,5 @@ def test_a_link_is_made_without_a_connection(text: str) -> None:
 
 
 def test_a_link_that_this_version_lacks_is_named() -> None:
-    with pytest.raises(StateError, match="canopen links are not part of this version"):
-        open_link(parse_uri("canopen://socketcan/can0?node=3"), VirtualClock())
+    with pytest.raises(StateError, match="replay links are not part of this version"):
+        open_link(parse_uri("replay://run.ahr"), VirtualClock())
