@@ -34,7 +34,8 @@ class LinkChange:
     Attributes:
         is_up: What it is now.
         cause: Why it went away.
-        lost: When it came back, for every loop that had been seen: its name, its last tick, executions lost.
+        lost: When it came back or the run ended, for every loop that had been seen: its name, its last tick, executions
+            lost.
     """
 
     is_up: bool
@@ -125,7 +126,8 @@ class Monitor:
             for report in await self._turn(watch, patient=end_ns is not None):
                 yield report
         if self._down_since_ns is not None:
-            self._count_lost()
+            lost = self._count_lost()
+            yield Report(self._clock.utc_ns(), "", 0, LinkChange(False, "it did not come back before the end", lost))
 
     async def _turn(self, watch: Watch, *, patient: bool) -> list[Report]:
         """Take one picture of one loop and schedule the next."""
@@ -170,18 +172,21 @@ class Monitor:
 
     def _link_up(self) -> list[Report]:
         was_up, self.is_up = self.is_up, True
-        if self._down_since_ns is not None:
-            self._count_lost()
+        lost = self._count_lost() if self._down_since_ns is not None else ()
         self._down_since_ns = None
         self._reported_down = False
-        return [] if was_up else [Report(self._clock.utc_ns(), "", 0, LinkChange(True))]
+        return [] if was_up and not lost else [Report(self._clock.utc_ns(), "", 0, LinkChange(True, "", lost))]
 
-    def _count_lost(self) -> None:
-        """Count what each loop must have executed since its last picture as lost with the link."""
+    def _count_lost(self) -> tuple[tuple[str, int, float], ...]:
+        """Count what each loop must have executed since its last picture as lost with the link; say it loop by loop."""
+        found = []
         for watch in self.watches:
             last = watch.follower.picture
             if last is not None:
-                watch.follower.lost((self._clock.now_ns() - last.last_ns) / cycle_ns(watch.loop, last))
+                executions = (self._clock.now_ns() - last.last_ns) / cycle_ns(watch.loop, last)
+                watch.follower.lost(executions)
+                found.append((watch.loop.name, last.tick, executions))
+        return tuple(found)
 
     def _refused(self, watch: Watch, error: PlcRefusedError | CodecError) -> list[Report]:
         """The PLC is there but refuses this loop's addresses: said once, asked again now and then."""
