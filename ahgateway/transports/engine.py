@@ -226,12 +226,12 @@ class Engine:
         self.unanswered_in_a_row = 0
         framing = self.framing
         found = framing.feed(piece)
+        if found and self._tap is not None:
+            self._flush_heard(now_ns)  # before the waiter goes on: what it asks next comes after
         for adu in found:
             self._match(adu, first_ns, now_ns)
             first_ns = now_ns
         self._first_ns = None
-        if found and self._tap is not None:
-            self._flush_heard(now_ns)
         if framing.kept:
             self._first_ns = first_ns
             if not self._identifies and not self._flying:
