@@ -23,6 +23,9 @@ POLL_MIN_NS = 5 * MILLISECOND
 POLL_MAX_NS = SECOND
 RETRY_NS = 200 * MILLISECOND
 REFUSED_RETRY_NS = 2 * SECOND
+TORN_MAX = 3
+"""After so many rounds without a whole picture it is said."""
+
 GIVE_UP_NS = 10 * SECOND
 """A target that never answered for this long is given up, unless the caller set a duration."""
 
@@ -69,6 +72,7 @@ class Watch:
         self.sampler = Sampler(loop, station, link, clock)
         self.due_ns = clock.now_ns()
         self.refused = ""
+        self.torn_in_a_row = 0
 
     def poll_ns(self, station: Station) -> int:
         """How long to wait between two pictures of this loop."""
@@ -147,6 +151,7 @@ class Monitor:
         reports = self._link_up()
         if watch.refused:
             watch.refused = ""
+        reports += self._torn(watch, picture is None)
         if picture is not None:
             reports += [
                 Report(picture.utc_ns, watch.loop.name, picture.tick, event) for event in watch.follower.see(picture)
@@ -154,6 +159,17 @@ class Monitor:
             reports.append(Report(picture.utc_ns, watch.loop.name, picture.tick, Sample(picture)))
         watch.due_ns = max(started_ns + watch.poll_ns(self.station), self._clock.now_ns())
         return reports
+
+    def _torn(self, watch: Watch, is_torn: bool) -> list[Report]:
+        """Say it when no picture succeeds any more: the line is too slow for this loop's CYCLE."""
+        was_many = watch.torn_in_a_row >= TORN_MAX
+        watch.torn_in_a_row = watch.torn_in_a_row + 1 if is_torn else 0
+        if was_many == (watch.torn_in_a_row >= TORN_MAX):
+            return []
+        text = "an execution falls into every picture: the line is too slow for this loop's CYCLE"
+        hint = "bring MV and the flags within one request of the block, or bind what never changes as const"
+        finding = Finding("torn-pictures", text, hint, is_over=was_many)
+        return [Report(self._clock.utc_ns(), watch.loop.name, 0, finding)]
 
     def _postpone(self, wait_ns: int) -> None:
         due_ns = self._clock.now_ns() + wait_ns

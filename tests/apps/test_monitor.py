@@ -181,6 +181,13 @@ async def test_refused_addresses_are_said_once_with_what_they_mean() -> None:
     assert session.monitor.outcome(0.0) is Exit.INCONCLUSIVE
 
 
+async def test_a_line_too_slow_for_cycle_is_said_and_nothing_is_claimed() -> None:
+    session = await Session(latency_ns=60_000_000).run(20.0)
+
+    assert session.findings() == ["torn-pictures"]
+    assert session.monitor.outcome(0.0) is Exit.INCONCLUSIVE
+
+
 async def test_every_json_line_has_the_normative_keys() -> None:
     session = Session()
     session.script.append((4.0, lambda world: world.plc.fail("L1", "gain-1-percent")))
