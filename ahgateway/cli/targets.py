@@ -45,7 +45,7 @@ async def open_target(station: Station, clock: Clock, tap: Tap | None = None) ->
         plc = FakePlc(loaded.station(), loaded.fake_setup(), clock=clock)
         link: Link = MemoryLink(plc, clock, tap=tap, pacing=station.pacing, target=target.text)
     else:
-        link = open_link(target, clock, station.pacing, tap)
+        link = open_link(target, clock, station.pacing, tap, can=station.can)
     try:
         yield link
     finally:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
+from ahgateway.codec.can_objects import CanMap
 from ahgateway.codec.devices import Device, DeviceMap
 from ahgateway.core.controllers import Controller
-from ahgateway.core.dialect import DEFAULT, Dialect
+from ahgateway.core.dialect import DEFAULT
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,13 +83,16 @@ class Loop:
         pv_range: Lowest and highest value of SV and PV in `pv_unit`, None when nobody said.
         mv_range: Lowest and highest value of MV in `mv_unit`, None when nobody said.
         writes: Operands that may be written, and within which limits; all others are refused.
+        counter: Word that the program counts up by one at each execution, wrapping at 65536; None when there is none.
+        pv_held: PV's register holds still from one execution to the next, so that it shows what was read; None: as
+            usual for the controller.
     """
 
     name: str
     controller: Controller
     bindings: Mapping[str, Binding]
     en: Device | None = None
-    dialect: Dialect = DEFAULT
+    dialect: Any = DEFAULT
     tolerance: Tolerance = Tolerance()
     scan_ms_max: int = 10
     pv_unit: str = ""
@@ -96,6 +101,13 @@ class Loop:
     pv_range: tuple[float, float] | None = None
     mv_range: tuple[float, float] | None = None
     writes: Mapping[str, WriteLimit] = field(default_factory=dict)
+    counter: Device | None = None
+    pv_held: bool | None = None
+
+    @property
+    def holds_pv(self) -> bool:
+        """True when PV's register shows what the last execution read."""
+        return self.controller.roles.held if self.pv_held is None else self.pv_held
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +124,7 @@ class Station:
         pacing: Limits of the line.
         loops: In the profile's order.
         scratch: Two words that nothing in the PLC uses, for a marker; None when nobody named any.
+        can: Its CANopen objects and PDOs; None when the profile names none.
     """
 
     name: str
@@ -123,6 +136,12 @@ class Station:
     bench: bool = False
     pacing: Pacing = field(default_factory=Pacing)
     scratch: Device | None = None
+    can: CanMap | None = None
+
+    @property
+    def is_snapshot(self) -> bool:
+        """True where one request shows one moment of the PLC; SDO reads each object at its own time."""
+        return not self.target.startswith("canopen:")
 
 
 @dataclass(frozen=True, slots=True)

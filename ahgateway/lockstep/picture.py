@@ -15,10 +15,12 @@ from typing import Any
 from ahgateway.clock import Clock
 from ahgateway.codec import block
 from ahgateway.codec.access import Read, Span
+from ahgateway.codec.can_objects import CanMap
 from ahgateway.codec.devices import DeviceMap
 from ahgateway.codec.plan import plan
 from ahgateway.codec.station import Loop, Station
 from ahgateway.core.controllers import Controller
+from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL
 from ahgateway.transports.base import Link, Reply
 
@@ -33,7 +35,7 @@ class Picture:
     Attributes:
         tick: Number of this picture in its loop, from 0.
         inputs: The controller's inputs as a NamedTuple; REALs keep their bits.
-        seen: REALs that the instruction writes, by `Seen.name`.
+        seen: Values that the instruction writes, by `Seen.name`.
         words: Raw words by operand; a BOOL is one 0 or 1.
         enabled: The EN contact, None when the profile does not name it.
         running: The PLC is in RUN, None when the profile names no device for it.
@@ -45,7 +47,7 @@ class Picture:
 
     tick: int
     inputs: Any
-    seen: Mapping[str, REAL]
+    seen: Mapping[str, Any]
     words: Mapping[str, tuple[int, ...]]
     enabled: bool | None
     running: bool | None
@@ -54,6 +56,11 @@ class Picture:
     utc_ns: int
     aligned_since_ns: int
 
+    @property
+    def count(self) -> int | None:
+        """What the program's counter of executions holds; None where there is none."""
+        return self.words[block.COUNTER][0] if block.COUNTER in self.words else None
+
 
 @dataclass(frozen=True, slots=True)
 class PicturePlan:
@@ -61,11 +68,12 @@ class PicturePlan:
 
     bracket: tuple[Read, ...]
     inner: tuple[Read, ...]
+    is_snapshot: bool = True
 
     @property
     def is_atomic(self) -> bool:
-        """True when one request holds everything."""
-        return len(self.bracket) == 1 and not self.inner
+        """True when one request holds everything, and a request is one moment on this wire."""
+        return self.is_snapshot and len(self.bracket) == 1 and not self.inner
 
     @property
     def requests(self) -> tuple[Read, ...]:
@@ -78,6 +86,10 @@ def picture_plan(loop: Loop, station: Station) -> PicturePlan:
     spans = block.spans(loop, station.devices)
     if station.running is not None:
         spans = {**spans, "RUNNING": device_span(station)}
+    if station.can is not None and not station.is_snapshot:
+        own = {row.name for row in loop.controller.operands if row.kind is Kind.BLOCK}
+        wanted = [span for name, span in spans.items() if name not in own]
+        return _object_plan(wanted, seen_spans(loop, station.devices), station.can, station)
     limits = station.pacing
     reads = plan(
         spans.values(),
@@ -87,9 +99,23 @@ def picture_plan(loop: Loop, station: Station) -> PicturePlan:
         exists=station.devices.covers,
     )
     written = {seen.operand for seen in loop.controller.seen}
-    watched = [span for name, span in spans.items() if name in written]
+    watched = [span for name, span in spans.items() if name in written or name == block.COUNTER]
     bracket = tuple(read for read in reads if any(_covers(read, span) for span in watched))
     return PicturePlan(bracket, tuple(read for read in reads if read not in bracket))
+
+
+def _object_plan(wanted: Iterable[Span], watched: Iterable[Span], can: CanMap, station: Station) -> PicturePlan:
+    """Plan for a wire that reads each object by itself: only the objects that show an execution are read twice.
+
+    The words of the instruction's memory that are the system's are not asked for: junk that costs a transfer each.
+    """
+    bracket = {held.span for span in watched for held in can.holding(span)}
+    inner = {held.span for span in wanted for held in can.holding(span)} - bracket
+    first, second = (
+        plan(spans, unit=station.unit, words_max=station.pacing.words_per_request_max, gap_max=0)
+        for spans in (bracket, inner)
+    )
+    return PicturePlan(first, second, is_snapshot=False)
 
 
 def device_span(station: Station) -> Span:
@@ -111,6 +137,7 @@ class Sampler:
         self.plan = picture_plan(loop, station)
         self.torn_count = 0
         self._watched = seen_spans(loop, station.devices)
+        self._unasked = [] if station.is_snapshot else _memory_spans(loop, station.devices)
         self._station = station
         self._link = link
         self._clock = clock
@@ -140,6 +167,8 @@ class Sampler:
 
     def _image(self, replies: Iterable[Reply]) -> block.Image:
         image = block.Image()
+        for span in self._unasked:
+            image.put(Read(self._station.unit, span.table, span.address, span.count), (0,) * span.count)
         for reply in replies:
             assert isinstance(reply.request, Read)
             image.put(reply.request, reply.values)
@@ -182,12 +211,26 @@ def seen_spans(loop: Loop, devices: DeviceMap) -> list[Span]:
         if seen.operand in spans:
             span = spans[seen.operand]
             found.append(Span(span.table, span.address + 2 * seen.dword, min(2, span.count)))
+    if block.COUNTER in spans:
+        found.append(spans[block.COUNTER])
     return found
 
 
-def predicted(controller: Controller, state: Any, terms: Any) -> dict[str, REAL]:
-    """What an execution leaves in the words that can be seen, by `Seen.name`."""
-    return {
-        seen.name: getattr(state, seen.attr) if hasattr(state, seen.attr) else getattr(terms, seen.attr)
-        for seen in controller.seen
-    }
+def _memory_spans(loop: Loop, devices: DeviceMap) -> list[Span]:
+    """Where the instruction's own memory stands; over objects its system words are not read and shown as 0."""
+    spans = block.spans(loop, devices)
+    return [spans[row.name] for row in loop.controller.operands if row.kind is Kind.BLOCK and row.name in spans]
+
+
+def predicted(controller: Controller, state: Any, terms: Any) -> dict[str, Any]:
+    """What an execution leaves in the words that can be seen, by `Seen.name`, as it is stored there."""
+    return {seen.name: stored(seen.kind, seen.value(state, terms)) for seen in controller.seen}
+
+
+def stored(kind: Kind, value: Any) -> Any:
+    """A term as its register holds it; a whole number takes a REAL rounded half to even (ASSUMED, spec C.7/1)."""
+    if kind is Kind.REAL:
+        return value
+    if kind is Kind.BOOL:
+        return bool(value)
+    return int(np.rint(value)) if isinstance(value, np.floating) else int(value)

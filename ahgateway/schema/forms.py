@@ -34,6 +34,49 @@ class PacingForm(Form):
     gap_words_max: int = Field(default=16, ge=0, le=124, description="words read in vain to save a request")
 
 
+class CanItemForm(Form):
+    """Words or flags that travel together."""
+
+    device: str = Field(min_length=1, description="the first one, D100 or M1")
+    length: int | None = Field(default=None, ge=1, le=100, description="words, 2 by default, or flags, 1 by default")
+
+
+class CanObjectForm(CanItemForm):
+    """Objects at consecutive sub-indices that hold consecutive devices."""
+
+    index: int = Field(ge=0x2000, le=0xFFFF, description="object index")
+    sub: int = Field(default=0, ge=0, le=254, description="sub-index of the first")
+    count: int = Field(default=1, ge=1, le=254, description="how many objects of this length follow each other")
+
+
+class CanPdoForm(Form):
+    """A PDO that the PLC sends after each SYNC."""
+
+    cob_id: int = Field(ge=1, le=0x7FF, description="its identifier")
+    maps: list[CanItemForm] = Field(
+        min_length=1, max_length=64, description="what it carries, in the order of its bytes"
+    )
+
+
+class CanSyncForm(Form):
+    """The tick of the cyclic role."""
+
+    cob_id: int = Field(default=0x80, ge=1, le=0x7FF, description="identifier of SYNC")
+    period_ms: float = Field(default=20.0, gt=0, le=MINUTE_MS, description="time between two")
+    window_ms: float = Field(default=10.0, gt=0, le=MINUTE_MS, description="a PDO later than this is not believed")
+
+
+class CanForm(Form):
+    """What the PLC's CANopen module publishes; typed in from its EDS or from the program that configured it."""
+
+    confidence: Literal["V", "S", "I", "R"] = Field(
+        default="R", description="V read in the module's manual or EDS, S decoded, I inferred, R remembered"
+    )
+    objects: list[CanObjectForm] = Field(min_length=1, max_length=512, description="objects that SDO reads")
+    pdos: list[CanPdoForm] = Field(default_factory=list, max_length=512, description="PDOs that the PLC sends")
+    sync: CanSyncForm = Field(default_factory=CanSyncForm)
+
+
 class StationForm(Form):
     """The PLC and the way to it."""
 
@@ -49,6 +92,7 @@ class StationForm(Form):
     running: str | None = Field(default=None, description="bit device that is on while the PLC is in RUN")
     scratch: str | None = Field(default=None, description="two words that nothing uses, for a marker: D900")
     pacing: PacingForm = Field(default_factory=PacingForm)
+    can: CanForm | None = Field(default=None, description="where operands stand on CANopen")
 
 
 class OperandForm(Form):

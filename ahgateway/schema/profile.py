@@ -22,6 +22,7 @@ from ahgateway.core.operands import Kind
 from ahgateway.errors import ProfileError
 from ahgateway.schema import device_map, files
 from ahgateway.schema.binding import Bound, bind, bit_device, constants, typed_value
+from ahgateway.schema.can import with_can
 from ahgateway.schema.findings import Findings, near, pruned, shown
 from ahgateway.schema.forms import FakeForm, LoopForm, ProfileForm, RangesForm, StationForm
 from ahgateway.schema.overlap import shared
@@ -158,7 +159,7 @@ def _profile(form: ProfileForm, text: str, file: str, beside: Path | None, findi
         form.station.kind == "bench",
         Pacing(**form.station.pacing.model_dump()),
     )
-    station = with_writes(station, form, bounds, findings)
+    station = with_can(with_writes(station, form, bounds, findings), form, bounds, findings)
     return Profile(file, text, form, bounds, station, fakes)
 
 

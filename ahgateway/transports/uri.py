@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from ahgateway.clock import Clock
+from ahgateway.codec.can_objects import CanMap
 from ahgateway.codec.station import Pacing
 from ahgateway.errors import ProfileError, StateError
 from ahgateway.transports.base import Link, Tap
@@ -100,7 +101,12 @@ _SCHEMES = {
         "canopen://INTERFACE/CHANNEL?node=N",
         has_host=True,
         has_path=True,
-        options={"node": _whole(1, 127), "bitrate": _whole(10_000, 1_000_000)},
+        options={
+            "node": _whole(1, 127),
+            "bitrate": _whole(10_000, 1_000_000),
+            "settle_ms": _whole(0, 10_000),
+            "pdo": _whole(0, 1),
+        },
     ),
     "fake": _Scheme("fake://PROFILE", has_path=True),
     "replay": _Scheme("replay://FILE", has_path=True),
@@ -182,8 +188,17 @@ def _wrong(message: str, hint: str | None) -> ProfileError:
     return ProfileError(message, key="target", hint=hint)
 
 
-def open_link(target: Target, clock: Clock, pacing: Pacing | None = None, tap: Tap | None = None) -> Link:
+def open_link(
+    target: Target, clock: Clock, pacing: Pacing | None = None, tap: Tap | None = None, *, can: CanMap | None = None
+) -> Link:
     """Return the link that `target` names; it connects when it is first used.
+
+    Args:
+        target: What to open.
+        clock: Times of replies.
+        pacing: How politely.
+        tap: Gets every frame.
+        can: Which CANopen object holds which devices; only canopen needs it.
 
     Raises:
         StateError: The scheme is known, but this program has no link of that kind to open.
@@ -195,6 +210,10 @@ def open_link(target: Target, clock: Clock, pacing: Pacing | None = None, tap: T
         return TcpLink(target.host, target.port or MODBUS_TCP_PORT, clock=clock, pacing=pacing, tap=tap)
     if target.scheme in ("modbus+rtu+tcp", "modbus+ascii+tcp"):
         return _converter_link(target, clock, pacing, tap)
+    if target.scheme == "canopen":
+        from ahgateway.transports.can.opening import can_link
+
+        return can_link(target, can, clock, pacing, tap)
     raise StateError(
         f"`{target.text}`: {target.scheme} links are not part of this version",
         hint="modbus+tcp, modbus+rtu+tcp and modbus+ascii+tcp links are",
