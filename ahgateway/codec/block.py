@@ -12,16 +12,17 @@ from typing import Any
 from ahgateway.codec.access import Read, Span, Table
 from ahgateway.codec.devices import Address, DeviceMap
 from ahgateway.codec.station import Const, Loop
-from ahgateway.codec.words import decode, encode, words_real
+from ahgateway.codec.words import decode, encode
 from ahgateway.core.controllers import Controller
 from ahgateway.core.operands import Kind, Operand
-from ahgateway.core.real import REAL
 from ahgateway.errors import CodecError
 
 Raw = Mapping[str, tuple[int, ...]]
 """Operand name to its words, low word first; a BOOL is one number, 0 or 1; `EN` too when the loop binds it."""
 
 EN = "EN"
+COUNTER = "COUNTER"
+"""Names of what a loop may bind beside the operands: its contact, and a count of its executions."""
 
 
 class Image:
@@ -57,15 +58,19 @@ class Image:
 
 
 def address(loop: Loop, devices: DeviceMap, operand: str) -> Address:
-    """Return where the first word, or the bit, of an operand (or of `EN`) stands.
+    """Return where the first word, or the bit, of an operand (or of `EN` or `COUNTER`) stands.
 
     Raises:
         CodecError: No such operand, it is a constant of the program, or its device is not in the map.
     """
-    if operand == EN:
+    if operand == EN and EN not in loop.bindings:
         if loop.en is None:
             raise CodecError(f"loop {loop.name}: EN is bound to no device")
         return devices.address(loop.en, bits=True)
+    if operand == COUNTER:
+        if loop.counter is None:
+            raise CodecError(f"loop {loop.name}: nothing counts its executions")
+        return devices.address(loop.counter)
     row = _row(loop, operand)
     binding = loop.bindings[operand]
     if isinstance(binding, Const):
@@ -74,7 +79,7 @@ def address(loop: Loop, devices: DeviceMap, operand: str) -> Address:
 
 
 def spans(loop: Loop, devices: DeviceMap) -> dict[str, Span]:
-    """Return what must be read: operand name to its span, `EN` last when it is bound; constants have none."""
+    """Return what must be read: operand name to its span, `EN` and `COUNTER` last where bound; constants have none."""
     found = {
         row.name: _span(address(loop, devices, row.name), row)
         for row in loop.controller.operands
@@ -83,11 +88,14 @@ def spans(loop: Loop, devices: DeviceMap) -> dict[str, Span]:
     if loop.en is not None:
         place = address(loop, devices, EN)
         found[EN] = Span(place.table, place.address, 1)
+    if loop.counter is not None:
+        place = address(loop, devices, COUNTER)
+        found[COUNTER] = Span(place.table, place.address, 1)
     return found
 
 
 def raw(loop: Loop, devices: DeviceMap, image: Image) -> dict[str, tuple[int, ...]]:
-    """Return the raw words of every operand, constants encoded, and of `EN` when it is bound.
+    """Return the raw words of every operand, constants encoded, and of `EN` and `COUNTER` where bound.
 
     Raises:
         CodecError: The image lacks a word.
@@ -103,6 +111,9 @@ def raw(loop: Loop, devices: DeviceMap, image: Image) -> dict[str, tuple[int, ..
             found[row.name] = image.words(_span(devices.address(binding), row))
     if loop.en is not None:
         found[EN] = (int(image.bit(devices.address(loop.en, bits=True))),)
+    if loop.counter is not None:
+        place = devices.address(loop.counter)
+        found[COUNTER] = image.words(Span(place.table, place.address, 1))
     return found
 
 
@@ -113,13 +124,13 @@ def inputs(loop: Loop, raw: Raw) -> Any:
     return controller.inputs(*[decode(rows[attr].kind, raw[rows[attr].name]) for attr in controller.input_names])
 
 
-def seen(loop: Loop, raw: Raw) -> dict[str, REAL]:
+def seen(loop: Loop, raw: Raw) -> dict[str, Any]:
     """Return what the instruction left in memory, keyed by `Seen.name`; an operand bound to a constant is not there."""
-    found: dict[str, REAL] = {}
+    found: dict[str, Any] = {}
     for each in loop.controller.seen:
         if not isinstance(loop.bindings[each.operand], Const):
             words = raw[each.operand]
-            found[each.name] = words_real(words[2 * each.dword], words[2 * each.dword + 1])
+            found[each.name] = decode(each.kind, words[2 * each.dword :])
     return found
 
 

@@ -21,7 +21,6 @@ from ahgateway.codec.plan import plan
 from ahgateway.codec.station import Loop, Station
 from ahgateway.core.controllers import Controller
 from ahgateway.core.operands import Kind
-from ahgateway.core.real import REAL
 from ahgateway.transports.base import Link, Reply
 
 TRIES_MAX = 4
@@ -224,13 +223,4 @@ def _memory_spans(loop: Loop, devices: DeviceMap) -> list[Span]:
 
 def predicted(controller: Controller, state: Any, terms: Any) -> dict[str, Any]:
     """What an execution leaves in the words that can be seen, by `Seen.name`, as it is stored there."""
-    return {seen.name: stored(seen.kind, seen.value(state, terms)) for seen in controller.seen}
-
-
-def stored(kind: Kind, value: Any) -> Any:
-    """A term as its register holds it; a whole number takes a REAL rounded half to even (ASSUMED, spec C.7/1)."""
-    if kind is Kind.REAL:
-        return value
-    if kind is Kind.BOOL:
-        return bool(value)
-    return int(np.rint(value)) if isinstance(value, np.floating) else int(value)
+    return {seen.name: seen.stored(state, terms) for seen in controller.seen}

@@ -79,6 +79,7 @@ MELSEC_PID = Controller(
     computes=begins.melsec_computes,
     tunes=begins.melsec_tunes,
     begin=begins.melsec,
+    rejoin=begins.melsec_rejoin,
 )
 
 PID_REG_CE = Controller(

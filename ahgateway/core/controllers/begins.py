@@ -97,3 +97,12 @@ def pid_reg_ce_used(inputs: pid_reg_ce.Operands, shown: Mapping[str, Any]) -> tu
             value = np.nextafter(value, direction)
             found.append(value)
     return tuple(inputs._replace(actual=value) for value in found if inputs.set_point - value == error)
+
+
+def melsec_rejoin(state: melsec_pid.State, shown: Mapping[str, Any]) -> tuple[melsec_pid.State, melsec_pid.State]:
+    """Return the bounds of a state that goes on from (d): rounding hides up to half a unit of the sum."""
+    out = REAL(shown["out"])
+    return (
+        state._replace(mv=out - HALF, out=out),
+        state._replace(mv=out + HALF, out=out),
+    )

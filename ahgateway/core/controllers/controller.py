@@ -10,6 +10,8 @@ from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Any
 
+import numpy as np
+
 from ahgateway.core import dialect as delta_dialect
 from ahgateway.core.operands import Kind, Operand
 from ahgateway.core.real import REAL
@@ -41,6 +43,15 @@ class Seen:
         if self.place is None and hasattr(state, self.attr):
             return getattr(state, self.attr)
         return getattr(terms, self.attr)
+
+    def stored(self, state: Any, terms: Any) -> Any:
+        """Return it as its register holds it; a whole number takes a REAL rounded half to even (ASSUMED, spec C.7/1)."""
+        value = self.value(state, terms)
+        if self.kind is Kind.REAL:
+            return value
+        if self.kind is Kind.BOOL:
+            return bool(value)
+        return int(np.rint(value)) if isinstance(value, np.floating) else int(value)
 
     def path(self, state: Any) -> str:
         """Return where in the state it lives, dotted; empty for nowhere."""
@@ -124,6 +135,7 @@ class Controller:
             controller whose `recall` tells too little; () when nothing is known.
         used: Inputs with each process value that fits what the block published of it, from inputs and seen values by
             `attr`; None when the block publishes nothing of it.
+        rejoin: Bounds of a state once it goes on from what is shown, by `attr`, where more is hidden than that.
         veiled: Names of seen values that a state cannot predict, because what they come from is not known yet.
         veil: Keeps in the state after a step what was not known before it.
     """
@@ -147,6 +159,7 @@ class Controller:
     tunes: Callable[[Any, Mapping[str, Any]], bool] = _delta_tunes
     begin: Callable[[Any, Mapping[str, Any], Mapping[str, Any] | None, Any], tuple[tuple[Any, Any], ...]] | None = None
     used: Callable[[Any, Mapping[str, Any]], tuple[Any, ...]] | None = None
+    rejoin: Callable[[Any, Mapping[str, Any]], tuple[Any, Any]] | None = None
     veiled: Callable[[Any], frozenset[str]] = _nothing_veiled
     veil: Callable[[Any, Any], Any] = _not_veiled
 
