@@ -30,6 +30,10 @@ COMMANDS: dict[str, Row] = {
     "demo": Row("demo:demo", "See the whole thing work, without a PLC, in about 15 seconds."),
     "monitor": Row("monitor:monitor", "Follow every loop of a profile and compare each execution with the reference."),
     "profile": Row("profile:app", "Check, show, describe and start profiles; sends nothing to any PLC."),
+    "commission": Row(
+        "commission:commission",
+        "Take one loop to a sheet to sign: find the link, settle the map, read the loop, shadow it, prove its wiring.",
+    ),
     "write": Row(
         "write:write", "Write operands of one loop, each read back; without --arm only say what would be written."
     ),

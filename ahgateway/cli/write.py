@@ -55,12 +55,13 @@ def write(
     found = loop_named(station, arm or loop)
     task = "restore" if restore else "accept" if accept else "write" if arm and not dry_run else "preview"
     with gate_directory(station, directory) as folder:
-        asyncio.run(_write(station, found, folder, task, values or [], reason, who_asks(by), output))
+        asyncio.run(carry_out(station, found, folder, task, values or [], reason, who_asks(by), output))
 
 
-async def _write(
+async def carry_out(
     station: Station, loop: Loop, folder: Path, task: str, texts: list[str], reason: str, who: str, output: Output
 ) -> None:
+    """Do one of `write`, `preview`, `restore`, `accept` on one loop and show how it went."""
     from ahgateway.cli.targets import open_target
     from ahgateway.clock import WallClock
     from ahgateway.lockstep.gate.gate import Gate

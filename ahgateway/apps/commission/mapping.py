@@ -1,0 +1,206 @@
+"""Step 2, settle the map: do the operands stand where the profile says, in the word order it says? Reads only.
+
+A hypothesis is a device map, an offset and a word order. Each reading is scored by how many operands look like those
+of a PID instruction; the profile's own must be the best, else the best one is named. The strongest witness is the
+instruction's own memory: it keeps the PV of the last execution.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from ahgateway.apps.commission.checks import Check, failed, judged, passed, skipped, unclear
+from ahgateway.codec import block
+from ahgateway.codec.access import Read, Span, Table
+from ahgateway.codec.devices import Device, DeviceMap
+from ahgateway.codec.plan import plan
+from ahgateway.codec.station import Const, Loop, Station
+from ahgateway.codec.words import decode, words_real
+from ahgateway.core.operands import Kind
+from ahgateway.errors import CodecError, PlcRefusedError
+from ahgateway.transports.base import Link
+
+CLEARLY = 3
+"""Another hypothesis must fit so many operands more than the profile's own before it is named."""
+SMALL, LARGE = 1e-6, 1e7
+"""A REAL of a real loop is 0 or lies between these; swapped words nearly never do."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hypothesis:
+    """One way in which the operands may stand in the PLC."""
+
+    devices: DeviceMap
+    offset: int = 0
+    is_high_first: bool = False
+
+    @property
+    def text(self) -> str:
+        """Name it for people."""
+        order = "high word first" if self.is_high_first else "low word first"
+        return f"map {self.devices.name}, offset {self.offset:+d}, {order}"
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """How well a hypothesis fits: `score` of `best` looks good; the values for people."""
+
+    hypothesis: Hypothesis
+    score: int
+    best: int
+    values: Mapping[str, Any]
+    is_empty: bool = False
+
+
+async def settle(station: Station, loop: Loop, link: Link, others: Sequence[DeviceMap] = ()) -> list[Check]:
+    """Return the checks of step 2.
+
+    Args:
+        station: The station.
+        loop: The loop.
+        link: The way there.
+        others: Device maps to try when the profile's own does not fit.
+
+    Raises:
+        TransportError: The link failed.
+    """
+    own = await _fit(station, loop, link, Hypothesis(station.devices))
+    return [*_judge(own, await _others(station, loop, link, own, others)), await _system_flags(station, link)]
+
+
+async def _others(station: Station, loop: Loop, link: Link, own: Fit | None, others: Sequence[DeviceMap]) -> list[Fit]:
+    if own is not None and own.score == own.best:
+        return []
+    hypotheses = [
+        Hypothesis(station.devices, offset, is_high_first)
+        for offset in (0, -1, 1)
+        for is_high_first in (False, True)
+        if offset or is_high_first
+    ]
+    hypotheses += [Hypothesis(devices) for devices in others if devices.name != station.devices.name]
+    fits = [await _fit(station, loop, link, hypothesis) for hypothesis in hypotheses]
+    return [fit for fit in fits if fit is not None]
+
+
+def _judge(own: Fit | None, others: Sequence[Fit]) -> list[Check]:
+    names = ("swapped-word-order", "off-by-one", "wrong-device-map", "no-loop-there")
+    best = max(others, key=lambda fit: fit.score, default=None)
+    mine = own.score if own is not None else -1
+    if best is not None and best.score >= mine + CLEARLY and 2 * best.score > best.best:
+        return [_named(name, best, own) for name in names]
+    if own is None:
+        return [*(skipped(name, "the registers cannot be read") for name in names[:3]),
+                failed("no-loop-there", "the PLC refuses the operands' addresses")]  # fmt: skip
+    if own.is_empty:
+        return [*(skipped(name, "every operand reads 0") for name in names[:3]),
+                failed("no-loop-there", "every operand reads 0")]  # fmt: skip
+    text = f"{own.score} of {own.best} signs of a PID instruction as the profile says"
+    if 3 * own.score < 2 * own.best:
+        return [*(skipped(name, "no other reading fits better") for name in names[:3]),
+                failed("no-loop-there", text, **own.values)]  # fmt: skip
+    return [passed(name, text, **own.values) for name in names]
+
+
+def _named(name: str, best: Fit, own: Fit | None) -> Check:
+    found = best.hypothesis
+    is_it = {
+        "swapped-word-order": found.is_high_first,
+        "off-by-one": found.offset != 0,
+        "wrong-device-map": own is None or found.devices is not own.hypothesis.devices,
+        "no-loop-there": False,
+    }[name]
+    if name == "wrong-device-map" and own is None:
+        is_it = found.offset == 0 and not found.is_high_first
+    text = f"it reads as {found.text}: {best.score} of {best.best} signs of a PID instruction"
+    text += f", against {own.score} as the profile says" if own is not None else ""
+    return judged(name, not is_it, text, **best.values)
+
+
+async def _fit(station: Station, loop: Loop, link: Link, hypothesis: Hypothesis) -> Fit | None:
+    """Read the block as the hypothesis says; None when the PLC or the map refuses it."""
+    try:
+        spans = {
+            name: Span(span.table, span.address + (hypothesis.offset if not span.table.is_bits else 0), span.count)
+            for name, span in block.spans(loop, hypothesis.devices).items()
+            if not span.table.is_bits
+        }
+        if any(span.address < 0 for span in spans.values()):
+            return None
+        image = block.Image()
+        limits = station.pacing
+        for read in plan(
+            spans.values(), unit=station.unit, words_max=limits.words_per_request_max, gap_max=limits.gap_words_max
+        ):
+            image.put(read, (await link.exchange(read)).values)
+    except (CodecError, PlcRefusedError):
+        return None
+    words = {name: image.words(span) for name, span in spans.items()}
+    if hypothesis.is_high_first:
+        words = {name: _swapped(each) for name, each in words.items()}
+    return _scored(loop, hypothesis, words)
+
+
+def _swapped(words: tuple[int, ...]) -> tuple[int, ...]:
+    if len(words) < 2:
+        return words
+    return tuple(words[at ^ 1] for at in range(len(words)))
+
+
+def _scored(loop: Loop, hypothesis: Hypothesis, words: Mapping[str, tuple[int, ...]]) -> Fit:
+    signs: list[bool] = []
+    values: dict[str, Any] = {}
+    for row in loop.controller.operands:
+        if row.name not in words or row.kind is Kind.BLOCK:
+            continue
+        value = decode(row.kind, words[row.name])
+        values[row.name] = float(value) if row.kind is Kind.REAL else value
+        if row.kind is Kind.REAL:
+            signs.append(_is_usual(float(value)))
+        else:
+            low = row.minimum if row.minimum is not None else -(2**31)
+            signs.append(low <= value <= (row.maximum if row.maximum is not None else 2**31))
+    signs += _sense(loop, values, words)
+    shown = {name: value if math.isfinite(value) else str(value) for name, value in values.items()}
+    is_empty = not any(any(each) for each in words.values())
+    return Fit(hypothesis, sum(signs), len(signs), shown, is_empty)
+
+
+def _is_usual(value: float) -> bool:
+    return value == 0.0 or SMALL <= abs(value) <= LARGE
+
+
+def _sense(loop: Loop, values: Mapping[str, Any], words: Mapping[str, tuple[int, ...]]) -> list[bool]:
+    """Signs that need several operands."""
+    signs: list[bool] = []
+    if {"MV", "MV_MIN", "MV_MAX"} <= values.keys():
+        low, high = sorted((values["MV_MIN"], values["MV_MAX"]))
+        signs += [low < high, low <= values["MV"] <= high or values["MV"] == 0.0]
+    for name, bounds in (("PV", loop.pv_range), ("SV", loop.pv_range), ("MV", loop.mv_range)):
+        if bounds is not None and name in values:
+            signs.append(bounds[0] - 0.1 * (bounds[1] - bounds[0]) <= values[name] <= 1.1 * bounds[1])
+    for seen in loop.controller.seen:
+        if seen.attr == "pv1" and "PV" in values and not isinstance(loop.bindings[seen.operand], Const):
+            at = 2 * seen.dword
+            recorded = float(words_real(words[seen.operand][at], words[seen.operand][at + 1]))
+            near = abs(recorded - values["PV"]) <= 0.05 * max(abs(values["PV"]), 1.0)
+            # The strongest sign counts as much as it takes to be named by.
+            signs += [near] * CLEARLY
+    return signs
+
+
+async def _system_flags(station: Station, link: Link) -> Check:
+    """SM400 on and SM401 off prove the flags' part of the map, and RUN."""
+    try:
+        places = [station.devices.address(Device("SM", number), bits=True) for number in (400, 401)]
+    except CodecError:
+        return skipped("system-flags", f"the device map {station.devices.name} has no SM400")
+    bits = []
+    for place in places:
+        try:
+            bits.append((await link.exchange(Read(station.unit, Table.COIL, place.address, 1))).values[0])
+        except PlcRefusedError as error:
+            return unclear("system-flags", f"the PLC refuses to read SM: {error.message}")
+    return judged("system-flags", bits == [1, 0], f"SM400 is {bits[0]}, SM401 is {bits[1]}")

@@ -1,0 +1,200 @@
+"""The guided list: one step after the other, each kept on disk when it is done, so that a session can be resumed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from ahgateway.apps.commission import link as link_step
+from ahgateway.apps.commission import mapping, observe, reading, wiring
+from ahgateway.apps.commission.checks import Check, Outcome, Progress, Step, save, skipped, unclear
+from ahgateway.apps.report import number
+from ahgateway.clock import SECOND, Clock
+from ahgateway.codec.devices import DeviceMap
+from ahgateway.codec.station import Loop, Station
+from ahgateway.codec.words import decode
+from ahgateway.core.operands import Kind
+from ahgateway.errors import AhGatewayError, TransportError
+from ahgateway.lockstep.gate.gate import Gate
+from ahgateway.lockstep.picture import Picture
+from ahgateway.transports.base import Link
+
+Said = Callable[[Step, Sequence[Check]], None]
+"""Told of each step when it is done."""
+
+
+@dataclass(frozen=True, slots=True)
+class Wishes:
+    """What the person asks for.
+
+    Attributes:
+        executions: Executions to observe in steps 3 and 4.
+        observe_ns: Longest observation.
+        coverage_min: Share proven by bits that step 4 asks for.
+        is_armed: Step 5 may write.
+        mout_step: Size of a step of MOUT, None for the largest allowed.
+        pv_band: How far PV may go either way, None for a tenth of its range.
+        pv_rate_max: PV's largest rate a second, None for no limit.
+        answer_ns: How long PV is given to answer a step.
+        total_ns: Longest time of step 5.
+    """
+
+    executions: int = 60
+    observe_ns: int = 120 * SECOND
+    coverage_min: float = 0.5
+    is_armed: bool = False
+    mout_step: float | None = None
+    pv_band: float | None = None
+    pv_rate_max: float | None = None
+    answer_ns: int = 60 * SECOND
+    total_ns: int = 900 * SECOND
+
+
+class Commission:
+    """Commissioning of one loop.
+
+    Args:
+        station: The PLC; a step that finds other settings of the link goes on with those.
+        loop: The loop.
+        opener: Opens a link to a variant of the station.
+        clock: Gives all times.
+        progress: What was done before.
+        path: Where progress is kept, None for nowhere.
+        gates: Directory of journals and leases.
+        maps: Device maps to try when the profile's own does not fit.
+        who: Who asks.
+    """
+
+    def __init__(
+        self,
+        station: Station,
+        loop: Loop,
+        opener: link_step.Opener,
+        clock: Clock,
+        progress: Progress,
+        *,
+        path: Path | None,
+        gates: Path,
+        maps: Sequence[DeviceMap] = (),
+        who: str = "",
+    ) -> None:
+        self.station, self.loop, self.progress = station, loop, progress
+        self.changes: dict[str, str | int] = {}
+        self._opener, self._clock, self._path, self._gates, self._maps, self._who = (
+            opener, clock, path, gates, maps, who,
+        )  # fmt: skip
+        self._seen: observe.Observation | None = None
+
+    async def run(self, wishes: Wishes, said: Said, *, consent: Callable[[wiring.Envelope], bool]) -> None:
+        """Do every step that is not done yet; a step that cannot be done says so and the rest is skipped.
+
+        Args:
+            wishes: What is asked for.
+            said: Told of each step.
+            consent: Asked once, with the envelope, before the process is moved.
+
+        Raises:
+            ProfileError: Progress cannot be kept.
+        """
+        if not await self._link(said):
+            return
+        link = await self._opener(self.station)
+        try:
+            if not self.progress.is_done(Step.MAP):
+                checks = await self._guarded("no-loop-there", mapping.settle(self.station, self.loop, link, self._maps))
+                self._done(Step.MAP, checks, said)
+            if any(check.outcome is Outcome.FAIL for check in self.progress.steps[Step.MAP]):
+                return
+            if not (self.progress.is_done(Step.LOOP) and self.progress.is_done(Step.SHADOW)):
+                await self._observe(link, wishes, said)
+            if not self.progress.is_done(Step.WIRING):
+                await self._wiring(link, wishes, said, consent)
+            await self._as_left(link)
+        finally:
+            await link.close()
+
+    async def _link(self, said: Said) -> bool:
+        if self.progress.is_done(Step.LINK):
+            return True
+        found, checks = await link_step.find(self.station, self.loop, self._opener, self._clock)
+        if found is not None:
+            station, self.changes = found.station, dict(found.changes)
+            words = self.changes.get("pacing.words_per_request_max")
+            if words is not None:
+                station = replace(station, pacing=replace(station.pacing, words_per_request_max=int(words)))
+            self.station = station
+            self.progress.facts["changes"] = self.changes
+        self._done(Step.LINK, checks, said)
+        return found is not None
+
+    async def _observe(self, link: Link, wishes: Wishes, said: Said) -> None:
+        seen = await observe.observe(
+            self.station, self.loop, link, self._clock, executions=wishes.executions, duration_ns=wishes.observe_ns
+        )
+        self._seen = seen
+        if seen.pictures:
+            self.progress.facts.setdefault("as_found", operands(self.loop, seen.pictures[0]))
+            self.progress.facts["trace"] = seen.trace()
+        self._done(Step.LOOP, reading.read_loop(self.station, self.loop, seen), said)
+        self._done(Step.SHADOW, reading.judge_shadow(seen, wishes.coverage_min), said)
+
+    async def _wiring(self, link: Link, wishes: Wishes, said: Said, consent: Callable[[wiring.Envelope], bool]) -> None:
+        reason = "" if wishes.is_armed else f"not armed: --arm {self.loop.name} allows it"
+        failed = [check.name for check in self.progress.steps.get(Step.LOOP, ()) if check.outcome is Outcome.FAIL]
+        reason = reason or (f"not before step 3 is clean: {', '.join(failed)}" if failed else "")
+        gate = Gate(self.station, self.loop, link, self._clock, self._gates, who=self._who)
+        try:
+            if not reason:
+                bounds = await self._envelope(link, wishes)
+                if consent(bounds):
+                    proof = await wiring.prove(gate, self.station, self.loop, link, self._clock, bounds)
+                    self.progress.facts["wiring_trace"] = proof.trace
+                    self.progress.facts["journal"] = {"file": str(gate.path), "hash": gate.anchor}
+                    self._done(Step.WIRING, proof.checks, said)
+                    return
+                reason = "nobody consented"
+        except AhGatewayError as error:
+            reason = error.message
+        self._done(Step.WIRING, [skipped(name, reason) for name in wiring.NAMES], said)
+
+    async def _envelope(self, link: Link, wishes: Wishes) -> wiring.Envelope:
+        seen = await observe.observe(self.station, self.loop, link, self._clock, executions=2, duration_ns=5 * SECOND)
+        if not seen.pictures:
+            raise TransportError(seen.refused or "no picture of the loop was taken")
+        bounds = wiring.envelope(self.loop, seen.pictures[-1], step=wishes.mout_step, pv=wishes.pv_band)
+        return replace(bounds, pv_rate_max=wishes.pv_rate_max, answer_ns=wishes.answer_ns, total_ns=wishes.total_ns)
+
+    async def _as_left(self, link: Link) -> None:
+        seen = await observe.observe(self.station, self.loop, link, self._clock, executions=1, duration_ns=5 * SECOND)
+        if seen.pictures:
+            self.progress.facts["as_left"] = operands(self.loop, seen.pictures[-1])
+            self._keep()
+
+    async def _guarded(self, name: str, work: Any) -> list[Check]:
+        try:
+            found: list[Check] = await work
+        except AhGatewayError as error:
+            return [unclear(name, error.message)]
+        return found
+
+    def _done(self, step: Step, checks: Sequence[Check], said: Said) -> None:
+        self.progress.take(step, checks, self._clock.utc_ns())
+        self._keep()
+        said(step, checks)
+
+    def _keep(self) -> None:
+        if self._path is not None:
+            save(self.progress, self._path)
+
+
+def operands(loop: Loop, picture: Picture) -> dict[str, Any]:
+    """Return every operand of a picture as JSON holds it: value and words, the instruction's memory by words alone."""
+    found: dict[str, Any] = {"utc_ns": picture.utc_ns, "values": {}, "words": {}}
+    for row in loop.controller.operands:
+        words = picture.words[row.name]
+        found["words"][row.name] = list(words)
+        if row.kind is not Kind.BLOCK:
+            found["values"][row.name] = number(decode(row.kind, words))
+    return found
