@@ -9,7 +9,6 @@ from typing import Any
 from ahgateway.codec.can_objects import CanMap
 from ahgateway.codec.devices import Device, DeviceMap
 from ahgateway.core.controllers import Controller
-from ahgateway.core.dialect import DEFAULT
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +73,7 @@ class Loop:
         controller: The instruction's law.
         bindings: Operand name in the manual's spelling to where it stands; every operand of the instruction is there.
         en: Device of the instruction's EN contact, None when it is always on or not known.
-        dialect: How this PLC discretises.
+        dialect: How this PLC discretises; the controller's default when it is left out.
         tolerance: What is not convicted.
         scan_ms_max: Longest scan to expect, which bounds how early an execution can follow another.
         pv_unit: Engineering unit of SV and PV.
@@ -92,7 +91,7 @@ class Loop:
     controller: Controller
     bindings: Mapping[str, Binding]
     en: Device | None = None
-    dialect: Any = DEFAULT
+    dialect: Any = None
     tolerance: Tolerance = Tolerance()
     scan_ms_max: int = 10
     pv_unit: str = ""
@@ -103,6 +102,10 @@ class Loop:
     writes: Mapping[str, WriteLimit] = field(default_factory=dict)
     counter: Device | None = None
     pv_held: bool | None = None
+
+    def __post_init__(self) -> None:
+        if self.dialect is None:
+            object.__setattr__(self, "dialect", self.controller.dialect)
 
     @property
     def holds_pv(self) -> bool:
