@@ -39,6 +39,11 @@ COMMANDS: dict[str, Row] = {
     ),
     "journal": Row("journal:app", "Check and read the journals of the write gate; sends nothing to any PLC."),
     "tune": Row("tune:tune", "Find a loop's process in a recorded trace and propose gains in the loop's own form."),
+    "migrate": Row(
+        "migrate:migrate",
+        "Rebuild a controller's settings for another, name every approximation with its size, and prove the result.",
+    ),
+    "can": Row("can:app", "Look at a CAN bus, write an EDS, put the fake PLC on a bus."),
     "fake": Row("fake:fake", "Run the PLC of a profile on this machine until Ctrl-C; it touches no real PLC."),
 }
 """Every command, in the order in which `--help` lists them."""

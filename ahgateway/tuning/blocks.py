@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from enum import Enum
 
 from ahgateway.core.controllers import dpid, dpide, melsec_pid, pid_reg_ce
@@ -81,10 +82,12 @@ class Block:
         for key, value in given.items():
             name = known.get(key.lower())
             if name is None:
+                near = get_close_matches(key.lower(), known, 1)
                 raise ProfileError(
                     f"{self.name} has no setting of that name, it has {', '.join(self.defaults)}",
                     file=file or None,
                     key=key,
+                    hint=f"did you mean `{known[near[0]]}`?" if near else None,
                 )
             if not isinstance(value, bool | int | float) or not math.isfinite(value):
                 raise ProfileError(f"{value!r} is no number", file=file or None, key=key)

@@ -17,6 +17,8 @@ from ahgateway.tuning.canonical import SAME, Band, Canonical, Scaling
 
 QUANTUM_MIN = 0.01
 """Relative rounding above it is a warning, below it a note (spec 7.3)."""
+WHOLE_MIN = 1000
+"""Fewer whole numbers than this over the range of MV are a rounding to speak of."""
 EXACT = 1e-6
 """Relative difference below it is the REAL register itself."""
 
@@ -111,8 +113,8 @@ def convert(
     old, new = block(source), block(target)
     params = old.settings(given, file)
     wanted = old.read(params, use_from).scaled(scaling)
-    if old.name == "DPIDE" and use_to.dependent is None:
-        use_to = replace(use_to, dependent=bool(params["PID_EQ"]))
+    if old.name in ("DPID", "DPIDE") and use_to.dependent is None:
+        use_to = replace(use_to, dependent=bool(params.get("PID_EQ", False)))
     settings = {name: rounded(value) for name, value in new.write(wanted, use_to).items()}
     reached = new.read(new.defaults | settings, use_to)
     losses = (*_of_source(old, params, use_from), *_between(new, wanted, reached, use_to))
@@ -137,6 +139,11 @@ def _of_source(old: Block, p: Params, use: Use) -> list[Loss]:
         out.append(Loss("W-MODE", text, is_exact=True))
     if old.name == "MELSEC_PID" and int(p["ACT"]) & 0x10:
         out.append(Loss("W-AUTOTUNE", "ACT bit 4 is on: the gains are still being sought", is_exact=True))
+    if old.name == "MELSEC_PID":
+        span = old.read(p, use).umax - old.read(p, use).umin
+        if span < WHOLE_MIN:
+            text = f"SV, PV and MV were whole numbers, {span:g} of them for MV; they no longer are"
+            out.append(Loss("W-QUANT", text, 100 / max(span, 1.0), "% of MV"))
     if old.name == "PIDINIT" and min(p["DMVL"], p["DPVL"]) < 2050:
         size = float(min(p["DMVL"], p["DPVL"]))
         out.append(Loss("W-RANGE", f"the limit of change per sample, {size:g}, is not carried over", size, "counts"))
@@ -228,7 +235,7 @@ def _numbers(new: Block, w: Canonical, r: Canonical, use: Use) -> list[Loss]:
             out.append(Loss("W-RANGE", f"the {name} limit was {want:g}, it becomes {have:g}", abs(want - have), "MV"))
     if new.name in ("MELSEC_PID", "PIDINIT"):
         span = min(r.umax, INT_MAX) - max(r.umin, INT_MIN)
-        if span < 1000:
+        if span < WHOLE_MIN:
             text = f"MV has whole numbers only, {span:g} of them: choose a wider range for it, such as 0…4000"
             out.append(Loss("W-QUANT", text, 100 / max(span, 1.0), "% of MV"))
     return out
