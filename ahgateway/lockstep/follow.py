@@ -11,7 +11,7 @@ estimate, time by CYCLE, and they are never counted as proven.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,10 @@ from ahgateway.clock import MILLISECOND, SECOND
 from ahgateway.codec.station import Loop
 from ahgateway.core.real import same_bits
 from ahgateway.core.verdict import Counts, Verdict
+from ahgateway.lockstep.call_shadow import changed as changed_beside_calls
+from ahgateway.lockstep.calls import Calls
 from ahgateway.lockstep.causes import Suspect, agreeing
+from ahgateway.lockstep.events import Change, Finding
 from ahgateway.lockstep.judge import Execution, judge
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import (
@@ -43,25 +46,6 @@ WRITABLE = frozenset({"MOUT", "I_MV"})
 """Seen words that the manual lets people write: a change of these alone need not be an execution."""
 
 
-@dataclass(frozen=True, slots=True)
-class Change:
-    """An operand that somebody or something outside the instruction changed, raw words and values before and after."""
-
-    operand: str
-    old: Any
-    new: Any
-
-
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """Something a person should look at that is no verdict; `name` is stable, `is_over` tells that it ended."""
-
-    name: str
-    text: str
-    hint: str = ""
-    is_over: bool = False
-
-
 Event = Execution | Change | Finding
 
 
@@ -76,6 +60,7 @@ class Follower:
         self.first_diverged: tuple[Picture, Execution] | None = None
         self.suspects: tuple[Suspect, ...] = ()
         self._shadow: Shadow = ()
+        self._calls = None if loop.controller.begin is None else Calls(loop)
         self._expected = 0.0
         self._earliest_ns: int | None = None
         self._quiet_since_ns: int | None = None
@@ -86,6 +71,8 @@ class Follower:
         self.counts = replace(self.counts, link=self.counts.link + max(0, round(executions)))
         self.picture = None
         self._shadow = ()
+        if self._calls is not None:
+            self._calls.forget()
         self._earliest_ns = None
         self._quiet_since_ns = None
 
@@ -105,10 +92,14 @@ class Follower:
         events: list[Event] = list(self._look(picture))
         if before is None:
             self._quiet_since_ns = picture.last_ns
+            if self._calls is not None:
+                self._calls.see(None, picture, cycle_ns(self.loop, picture))
             return events
-        if is_executing(before) and is_executing(picture):
+        if is_executing(self.loop, before) and is_executing(self.loop, picture):
             self._expected += (picture.last_ns - before.last_ns) / cycle_ns(self.loop, picture)
         events.extend(self._changes(before, picture))
+        if self._calls is not None:
+            return [*events, *self._called(self._calls, before, picture)]
         changed = {name for name in judged_names(self.loop) if not same_bits(before.seen[name], picture.seen[name])}
         if not changed:
             events.extend(self._nothing_changed(before, picture))
@@ -118,6 +109,22 @@ class Follower:
             events.append(self._execution(before, picture))
             events.extend(self._stale_pv(before, picture))
         return events
+
+    def _called(self, calls: Calls, before: Picture, after: Picture) -> list[Event]:
+        """What a block that is called again and again did; silence is told by its shadow."""
+        found: list[Event] = []
+        for event in calls.see(before, after, cycle_ns(self.loop, after)):
+            found.append(event)
+            if isinstance(event, Execution):
+                self._quiet_since_ns = after.last_ns
+                self._count(event, after)
+                found.extend(self._set(NO_EXECUTION, False))
+        if found or not is_executing(self.loop, after) or self._quiet_since_ns is None or after.count is not None:
+            return found
+        silent_ns = after.sent_ns - self._quiet_since_ns
+        if silent_ns > STALL_CYCLES * cycle_ns(self.loop, after) + self.loop.scan_ms_max * MILLISECOND:
+            found.extend(self._set(NO_EXECUTION, not calls.rests(before, after), f"silent for {silent_ns / SECOND:.1f} s"))
+        return found
 
     def _is_written(self, before: Picture, after: Picture) -> bool:
         """Only words changed that people may write, and no execution leaves them so: somebody wrote them."""
@@ -141,7 +148,7 @@ class Follower:
     def _stale_pv(self, before: Picture, after: Picture) -> list[Finding]:
         """The PV that the instruction recorded is not what the register holds, though that stood still meanwhile."""
         recorded = [word.name for word in self.loop.controller.seen if word.attr == "pv1"]
-        if not recorded or not is_executing(after) or not same_bits(before.inputs.pv, after.inputs.pv):
+        if not recorded or not is_executing(self.loop, after) or not same_bits(before.inputs.pv, after.inputs.pv):
             return []
         used, held = after.seen[recorded[0]], after.inputs.pv
         detail = f"{recorded[0]} records {float(used):g}, PV holds {float(held):g}"
@@ -152,6 +159,10 @@ class Follower:
         execution, self._shadow = judge(self.loop, self._shadow, before, after, possible, self.suspects)
         self._earliest_ns = before.sent_ns
         self._quiet_since_ns = after.last_ns
+        self._count(execution, after)
+        return execution
+
+    def _count(self, execution: Execution, after: Picture) -> None:
         for _ in range(execution.count):
             self.counts = self.counts.plus(execution.verdict, execution.proof, execution.weight)
         self.last = execution
@@ -161,14 +172,13 @@ class Follower:
             self.suspects = (
                 agreeing(self.suspects, execution.blame.suspects) or self.suspects or execution.blame.suspects
             )
-        return execution
 
     def _nothing_changed(self, before: Picture, after: Picture) -> list[Finding]:
         """Carry what executions that changed no word can have left hidden; notice when there should have been one."""
         possible = self._executions_max(before, after)
         if self._shadow and possible and is_called(after):
             self._shadow = lingered(self.loop, self._shadow, before, after, possible)
-        if not is_executing(after) or self._quiet_since_ns is None:
+        if not is_executing(self.loop, after) or self._quiet_since_ns is None:
             self._quiet_since_ns = after.last_ns
             return self._set(NO_EXECUTION, False)
         silent_ns = after.sent_ns - self._quiet_since_ns
@@ -196,22 +206,27 @@ class Follower:
         return 0 if after.last_ns < start else 1 + (after.last_ns - start) // apart
 
     def _changes(self, before: Picture, after: Picture) -> list[Change]:
-        own = {"mout"} if after.inputs.mout_auto else set()
-        names = [name for name in changed_inputs(self.loop, before, after) if name not in own]
+        if self._calls is not None:
+            names = changed_beside_calls(self.loop, before, after)
+        else:
+            own = {"mout"} if after.inputs.mout_auto else set()
+            names = [name for name in changed_inputs(self.loop, before, after) if name not in own]
         spelled = {operand.attr: operand.name for operand in self.loop.controller.operands}
         return [Change(spelled[name], getattr(before.inputs, name), getattr(after.inputs, name)) for name in names]
 
     def _look(self, picture: Picture) -> list[Finding]:
         """Compare one picture with what a loop in service looks like."""
         zero = not any(any(words) for words in picture.words.values())
-        bad = not all(np.isfinite(value) for value in (picture.inputs.sv, picture.inputs.pv))
+        sv, pv = target_of(self.loop, picture), process_value_of(self.loop, picture)
+        bad = not (np.isfinite(sv) and np.isfinite(pv))
+        is_stopped = not getattr(picture.inputs, "pid_run", True)
         return [
             *self._set(STOPPED, picture.running is False),
             *self._set(DISABLED, picture.enabled is False),
             *self._set(ALL_ZERO, zero),
-            *self._set(BAD_VALUE, bad, f"SV is {float(picture.inputs.sv):g}, PV is {float(picture.inputs.pv):g}"),
-            *self._set(TUNING, picture.inputs.pid_mode == 1),
-            *self._set(RUN_OFF, not picture.inputs.pid_run and not zero),
+            *self._set(BAD_VALUE, bad, f"SV is {float(sv):g}, PV is {float(pv):g}"),
+            *self._set(TUNING, self.loop.controller.tunes(picture.inputs, picture.seen)),
+            *self._set(RUN_OFF, is_stopped and not zero),
         ]
 
     def _set(self, name: str, is_on: bool, detail: str = "") -> list[Finding]:
@@ -224,6 +239,12 @@ class Follower:
         else:
             self._findings.discard(name)
         return [Finding(name, f"{detail}: {text}" if detail else text, hint, is_over=not is_on)]
+
+    @property
+    def state(self) -> Any:
+        """What the instruction remembers, when that is known to the last bit; None while anything is open."""
+        is_known = len(self._shadow) == 1 and self._shadow[0].is_point
+        return self._shadow[0].low if is_known else None
 
     @property
     def findings(self) -> tuple[str, ...]:
@@ -248,7 +269,7 @@ FINDINGS: dict[str, tuple[str, str]] = {
         "compare SV and PV with ISPSoft; `ahgateway profile show` lists the addresses that are read",
     ),
     BAD_VALUE: ("SV or PV is not a number: the reference holds its output", "look at the sensor and its scaling"),
-    TUNING: ("PID_MODE is 1: judging is suspended until the PLC sets it back", ""),
+    TUNING: ("the auto-tuner is at work: judging is suspended until it ends", ""),
     RUN_OFF: ("PID_RUN is FALSE: MV is held at 0", ""),
     STALE_PV: (
         "the instruction does not use the PV that stands in its register",
@@ -267,9 +288,27 @@ def is_called(picture: Picture) -> bool:
     return picture.running is not False and picture.enabled is not False
 
 
-def is_executing(picture: Picture) -> bool:
+def is_executing(loop: Loop, picture: Picture) -> bool:
     """Tell whether the instruction computes, as far as the picture shows."""
-    return is_called(picture) and picture.inputs.pid_run and picture.inputs.pid_mode != 1
+    return is_called(picture) and loop.controller.computes(picture.inputs)
+
+
+def target_of(loop: Loop, picture: Picture) -> Any:
+    """SV, whatever the controller calls it."""
+    return getattr(picture.inputs, loop.controller.operand(loop.controller.roles.sv).attr)
+
+
+def process_value_of(loop: Loop, picture: Picture) -> Any:
+    """PV as the controller uses it, whatever it calls it: what it publishes of it, else the register."""
+    published = picture.seen.get("ScaledInput")
+    if published is not None:
+        return published
+    return getattr(picture.inputs, loop.controller.operand(loop.controller.roles.pvs[0]).attr)
+
+
+def output_of(loop: Loop, picture: Picture) -> Any:
+    """MV, whatever the controller calls it."""
+    return picture.seen[loop.controller.roles.mv]
 
 
 def cycle_ns(loop: Loop, picture: Picture) -> int:
