@@ -95,7 +95,7 @@ class Follower:
             if self._calls is not None:
                 self._calls.see(None, picture, cycle_ns(self.loop, picture))
             return events
-        if is_executing(self.loop, before) and is_executing(self.loop, picture):
+        if computes(self.loop, before) and computes(self.loop, picture):
             self._expected += (picture.last_ns - before.last_ns) / cycle_ns(self.loop, picture)
         events.extend(self._changes(before, picture))
         if self._calls is not None:
@@ -119,11 +119,13 @@ class Follower:
                 self._quiet_since_ns = after.last_ns
                 self._count(event, after)
                 found.extend(self._set(NO_EXECUTION, False))
-        if found or not is_executing(self.loop, after) or self._quiet_since_ns is None or after.count is not None:
+        if found or not computes(self.loop, after) or self._quiet_since_ns is None or after.count is not None:
             return found
         silent_ns = after.sent_ns - self._quiet_since_ns
         if silent_ns > STALL_CYCLES * cycle_ns(self.loop, after) + self.loop.scan_ms_max * MILLISECOND:
-            found.extend(self._set(NO_EXECUTION, not calls.rests(before, after), f"silent for {silent_ns / SECOND:.1f} s"))
+            found.extend(
+                self._set(NO_EXECUTION, not calls.rests(before, after), f"silent for {silent_ns / SECOND:.1f} s")
+            )
         return found
 
     def _is_written(self, before: Picture, after: Picture) -> bool:
@@ -148,7 +150,7 @@ class Follower:
     def _stale_pv(self, before: Picture, after: Picture) -> list[Finding]:
         """The PV that the instruction recorded is not what the register holds, though that stood still meanwhile."""
         recorded = [word.name for word in self.loop.controller.seen if word.attr == "pv1"]
-        if not recorded or not is_executing(self.loop, after) or not same_bits(before.inputs.pv, after.inputs.pv):
+        if not recorded or not computes(self.loop, after) or not same_bits(before.inputs.pv, after.inputs.pv):
             return []
         used, held = after.seen[recorded[0]], after.inputs.pv
         detail = f"{recorded[0]} records {float(used):g}, PV holds {float(held):g}"
@@ -178,7 +180,7 @@ class Follower:
         possible = self._executions_max(before, after)
         if self._shadow and possible and is_called(after):
             self._shadow = lingered(self.loop, self._shadow, before, after, possible)
-        if not is_executing(self.loop, after) or self._quiet_since_ns is None:
+        if not computes(self.loop, after) or self._quiet_since_ns is None:
             self._quiet_since_ns = after.last_ns
             return self._set(NO_EXECUTION, False)
         silent_ns = after.sent_ns - self._quiet_since_ns
@@ -288,8 +290,13 @@ def is_called(picture: Picture) -> bool:
     return picture.running is not False and picture.enabled is not False
 
 
-def is_executing(loop: Loop, picture: Picture) -> bool:
-    """Tell whether the instruction computes, as far as the picture shows."""
+def is_executing(picture: Picture) -> bool:
+    """Tell whether DPID or DPIDE computes, as far as the picture shows."""
+    return is_called(picture) and picture.inputs.pid_run and picture.inputs.pid_mode != 1
+
+
+def computes(loop: Loop, picture: Picture) -> bool:
+    """Tell whether the loop's instruction, whichever it is, computes, as far as the picture shows."""
     return is_called(picture) and loop.controller.computes(picture.inputs)
 
 
@@ -300,10 +307,10 @@ def target_of(loop: Loop, picture: Picture) -> Any:
 
 def process_value_of(loop: Loop, picture: Picture) -> Any:
     """PV as the controller uses it, whatever it calls it: what it publishes of it, else the register."""
-    published = picture.seen.get("ScaledInput")
-    if published is not None:
-        return published
-    return getattr(picture.inputs, loop.controller.operand(loop.controller.roles.pvs[0]).attr)
+    roles = loop.controller.roles
+    if roles.published_pv:
+        return picture.seen[roles.published_pv]
+    return getattr(picture.inputs, loop.controller.operand(roles.pvs[0]).attr)
 
 
 def output_of(loop: Loop, picture: Picture) -> Any:

@@ -151,6 +151,7 @@ PID_TEMP = Controller(
         computed=("IntegralSum", "PidOutputSum", "OutputHeat_PWM", "OutputCool_PWM"),
         writable=frozenset({"IntegralSum"}),
         held=True,
+        published_pv="ScaledInput",
         starts="known from State 0 or manual on, or from an execution of the law; pulses from State 0 on",
     ),
     computes=begins.always,

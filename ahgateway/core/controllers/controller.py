@@ -45,7 +45,7 @@ class Seen:
         return getattr(terms, self.attr)
 
     def stored(self, state: Any, terms: Any) -> Any:
-        """Return it as its register holds it; a whole number takes a REAL rounded half to even (ASSUMED, spec C.7/1)."""
+        """Return it as its register holds it; whole numbers are rounded half to even (ASSUMED, spec C.7/1)."""
         value = self.value(state, terms)
         if self.kind is Kind.REAL:
             return value
@@ -80,6 +80,7 @@ class Roles:
         computed: Seen values that only the law changes: while they stand still, an execution proves little.
         writable: Seen values that people may write, so that a change of them alone need not be an execution.
         held: The block keeps its own copy of the process value, so that its operand is what the last execution read.
+        published_pv: Seen value that shows the process value as the law took it; empty when none does.
         starts: When a block that is met running becomes known, for people; empty when that is always.
     """
 
@@ -90,6 +91,7 @@ class Roles:
     computed: tuple[str, ...] = ("I_MV", "MV")
     writable: frozenset[str] = frozenset({"MOUT", "I_MV"})
     held: bool = False
+    published_pv: str = ""
     starts: str = ""
 
 
