@@ -76,7 +76,7 @@ def margins(model: Model, settings: Canonical) -> Margins:
     around = 1.0 + loop
     turned = np.unwrap(np.angle(around))
     # Near ω = 0 the loop is its integrators alone, which stand at −90° each.
-    stable = abs((turned[-1] - turned[0]) - 0.5 * math.pi * integrators) < 0.25 * math.pi
+    stable = bool(abs((turned[-1] - turned[0]) - 0.5 * math.pi * integrators) < 0.25 * math.pi)
     size = np.abs(loop)
     ms = float(np.max(1.0 / np.maximum(np.abs(around), 1e-12))) if stable else math.inf
     return Margins(ms, _gain_margin(loop), *_phase_margin(omega, loop, size, stable))
