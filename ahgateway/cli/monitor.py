@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+from collections import deque
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -10,6 +12,9 @@ from ahgateway.cli.view import Output, View
 
 if TYPE_CHECKING:
     from ahgateway.codec.station import Station
+    from ahgateway.transports.base import Frame
+
+FRAMES_MAX = 200
 
 
 def monitor(
@@ -23,12 +28,13 @@ def monitor(
     coverage: Annotated[
         float, typer.Option(help="Smallest share of executions proven by bits for exit code 0.", min=0.0, max=1.0)
     ] = 0.0,
+    plain: Annotated[bool, typer.Option("--plain", help="Lines instead of the screen, in a terminal too.")] = False,
 ) -> None:
     """Follow every loop of a profile and compare each execution with the reference.
 
-    Only reads. In a terminal it draws a live table; otherwise it prints plain lines, or JSON lines with --output
-    json. Ends at --duration or with Ctrl-C. Exit code 0 when executions were compared and none diverged, 1 when one
-    diverged, 3 when nothing could be compared or less than --coverage.
+    Only reads. In a terminal it opens a screen whose keys stand at its foot; otherwise, or with --plain, it prints
+    lines, or JSON lines with --output json. Ends at --duration, with Ctrl-C or with q. Exit code 0 when executions
+    were compared and none diverged, 1 when one diverged, 3 when nothing could be compared or less than --coverage.
 
     Example: ahgateway monitor line3.toml --target modbus+tcp://192.0.2.10:502?unit=1 --duration 60
     """
@@ -38,10 +44,15 @@ def monitor(
     from ahgateway.schema.profile import load
 
     station = resolved(load(profile).station(), target)
-    raise typer.Exit(asyncio.run(_monitor(station, duration, output, coverage)))
+    raise typer.Exit(asyncio.run(_monitor(station, duration, output, coverage, plain=plain)))
 
 
-async def _monitor(station: Station, duration_s: float | None, output: Output, coverage_min: float) -> int:
+async def _monitor(
+    station: Station, duration_s: float | None, output: Output, coverage_min: float, *, plain: bool
+) -> int:
+    from contextlib import AsyncExitStack
+
+    from ahgateway.apps.board import Board
     from ahgateway.apps.monitor import Monitor
     from ahgateway.cli.interrupt import stop_event
     from ahgateway.cli.targets import open_target
@@ -49,9 +60,21 @@ async def _monitor(station: Station, duration_s: float | None, output: Output, c
 
     clock = WallClock()
     duration_ns = None if duration_s is None else round(duration_s * SECOND)
-    async with open_target(station, clock) as link:
+    has_screen = output is Output.TEXT and not plain and sys.stdout.isatty() and sys.stdin.isatty()
+    frames: deque[Frame] = deque(maxlen=FRAMES_MAX)
+    async with open_target(station, clock, frames.append if has_screen else None) as link, AsyncExitStack() as stack:
         watched = Monitor(station, link, clock)
-        with stop_event() as stop, View(watched, clock, output, coverage_min, station.name) as view:
-            async for report in watched.reports(duration_ns=duration_ns, stop=stop):
-                view.show(report)
+        board = Board(watched, clock, frames) if has_screen else None
+        stop = stack.enter_context(stop_event())
+        view = stack.enter_context(
+            View(watched, clock, output, coverage_min, station.name, is_table=False, has_screen=has_screen)
+        )
+        if board is not None:
+            from ahgateway.tui.app import MonitorApp, shown
+
+            await stack.enter_async_context(shown(MonitorApp(board, station.name), stop))
+        async for report in watched.reports(duration_ns=duration_ns, stop=stop):
+            if board is not None:
+                board.take(report)
+            view.show(report)
     return int(watched.outcome(coverage_min))

@@ -26,8 +26,31 @@ class Output(Enum):
 class View:
     """Shows reports as they come and the summary at the end; a context manager around the run."""
 
-    def __init__(self, monitor: Monitor, clock: Clock, output: Output, coverage_min: float, title: str) -> None:
+    def __init__(
+        self,
+        monitor: Monitor,
+        clock: Clock,
+        output: Output,
+        coverage_min: float,
+        title: str,
+        *,
+        is_table: bool = True,
+        has_screen: bool = False,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            monitor: Whose reports come.
+            clock: The clock of the run.
+            output: What stdout carries.
+            coverage_min: What the summary is argued with.
+            title: Stands above the table.
+            is_table: In a terminal, a table; False for lines there too.
+            has_screen: A screen shows the reports; only the summary is left.
+        """
         self._monitor = monitor
+        self._is_table = is_table and not has_screen
+        self._has_screen = has_screen
         self._clock = clock
         self._output = output
         self._coverage_min = coverage_min
@@ -36,7 +59,7 @@ class View:
         self._status_ns: dict[str, int] = {}
 
     def __enter__(self) -> View:
-        if self._output is Output.TEXT and sys.stdout.isatty():
+        if self._is_table and self._output is Output.TEXT and sys.stdout.isatty():
             from rich.console import Console
 
             from ahgateway.tui.live import LiveTable
@@ -65,6 +88,8 @@ class View:
 
     def show(self, report: Report) -> None:
         """Take in one report."""
+        if self._has_screen:
+            return
         if self._output is Output.JSON:
             from ahgateway.apps.report import as_json
 

@@ -1,0 +1,133 @@
+"""What a screen of a run is made of: trails, events, changed operands, health; fed with reports, bounded in memory.
+
+Screens, pages and metrics read it and the monitor; none of them can reach the PLC through it.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from ahgateway.apps.health import Health, Statement, health, statement
+from ahgateway.apps.monitor import Monitor, Report, Sample, Watch
+from ahgateway.apps.trail import CAPACITY, Trails
+from ahgateway.clock import SECOND, Clock
+from ahgateway.core.verdict import Verdict
+from ahgateway.lockstep.events import Change
+from ahgateway.lockstep.follow import verdict_now
+from ahgateway.lockstep.judge import Execution
+from ahgateway.transports.base import Frame
+
+EVENTS_MAX = 2000
+STALE_NS = 2 * SECOND
+STALE_POLLS = 3
+"""A value is stale when it is older than both: two seconds, and three times what is asked between two pictures."""
+HEALTH_NS = 5 * SECOND
+"""How old figures of a loop's health may become."""
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """What a person wrote, or a marker when the text is a number."""
+
+    utc_ns: int
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Freshness:
+    """How far a loop's values may be trusted now; `age_ns` is None before the first picture."""
+
+    age_ns: int | None
+    is_stale: bool
+
+
+class Board:
+    """The state behind a screen."""
+
+    def __init__(
+        self, monitor: Monitor, clock: Clock, frames: Sequence[Frame] = (), *, capacity: int = CAPACITY
+    ) -> None:
+        """Begin empty.
+
+        Args:
+            monitor: Whose reports will come.
+            clock: The clock of the run.
+            frames: The last frames of the link, oldest first; whoever taps the link keeps them.
+            capacity: Samples kept of each loop.
+        """
+        self.monitor = monitor
+        self.clock = clock
+        self.trails = Trails(monitor.station, capacity)
+        self.watches = {watch.loop.name: watch for watch in monitor.watches}
+        self.events: deque[Report | Note] = deque(maxlen=EVENTS_MAX)
+        self.event_count = 0
+        self.changes: dict[str, dict[str, tuple[int, Change]]] = {name: {} for name in self.watches}
+        self.frames = frames
+        self._health: dict[str, tuple[int, Health | None]] = {}
+
+    def take(self, report: Report) -> None:
+        """Take in one report; what goes right is counted by the monitor and not kept as an event."""
+        self.trails.take(report)
+        event = report.event
+        if isinstance(event, Sample):
+            return
+        if isinstance(event, Change) and report.loop in self.changes:
+            self.changes[report.loop][event.operand] = (report.utc_ns, event)
+        if not isinstance(event, Execution) or event.verdict is Verdict.DIVERGED:
+            self._keep(report)
+
+    def note(self, text: str) -> Note:
+        """Keep what a person wrote, with the time of now."""
+        note = Note(self.clock.utc_ns(), text)
+        self._keep(note)
+        return note
+
+    def _keep(self, event: Report | Note) -> None:
+        self.events.append(event)
+        self.event_count += 1
+
+    def freshness(self, watch: Watch) -> Freshness:
+        """Tell whether a loop's last picture still counts as live."""
+        picture = watch.follower.picture
+        if picture is None:
+            return Freshness(None, True)
+        age_ns = self.clock.now_ns() - picture.last_ns
+        limit_ns = max(STALE_NS, STALE_POLLS * watch.poll_ns(self.monitor.station))
+        return Freshness(age_ns, age_ns > limit_ns)
+
+    def word(self, watch: Watch) -> str:
+        """One word for the loop as it stands: its verdict, or why there is none."""
+        fresh = self.freshness(watch)
+        if fresh.age_ns is None:
+            if watch.refused:
+                return "REFUSED"
+            return "WAITING" if self.monitor.is_up else "LINK DOWN"
+        if fresh.is_stale:
+            return "STALE"
+        verdict = verdict_now(watch.follower)
+        return verdict.value if verdict else "WAITING"
+
+    def health(self, name: str) -> Health | None:
+        """Return the figures of a loop's whole trail, at most `HEALTH_NS` old; None for too few samples."""
+        now_ns = self.clock.now_ns()
+        known = self._health.get(name)
+        if known is None or now_ns - known[0] > HEALTH_NS:
+            known = (now_ns, health(self.trails.trails[name].trace().window()))
+            self._health[name] = known
+        return known[1]
+
+    def known_health(self, name: str) -> Health | None:
+        """Return the figures as they were last worked out, without working."""
+        known = self._health.get(name)
+        return known[1] if known else None
+
+    def oldest_health(self) -> str:
+        """Return the loop whose figures have waited longest; a screen works out one at a time."""
+        return min(self.watches, key=lambda name: self._health[name][0] if name in self._health else -1)
+
+    def statement(self, name: str) -> Statement | None:
+        """Return what the shadow and the figures say together of a loop."""
+        found = self.known_health(name)
+        return None if found is None else statement(found, self.watches[name].follower.summary())

@@ -1,0 +1,135 @@
+"""What trends and loop health look back on: the last samples of every loop in a ring, so that memory stays flat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ahgateway.apps.health import Array, Window
+from ahgateway.apps.monitor import LinkChange, Report, Sample
+from ahgateway.clock import SECOND
+from ahgateway.codec.station import Station
+from ahgateway.lockstep.follow import cycle_ns, is_executing
+from ahgateway.lockstep.judge import Execution
+from ahgateway.lockstep.picture import Picture
+
+CAPACITY = 4096
+"""Samples kept of a loop: a bit over an hour at CYCLE 1 s."""
+COLUMNS = ("sv", "pv", "mv", "ref_mv", "mv_min", "mv_max", "auto")
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """The last samples of one loop, oldest first; a row of NaN is a gap. REALs keep their value exactly.
+
+    Attributes:
+        t_s: Time in s, UTC.
+        ref_mv: MV of the reference at the last execution, NaN where there was none.
+    """
+
+    t_s: Array
+    sv: Array
+    pv: Array
+    mv: Array
+    ref_mv: Array
+    mv_min: Array
+    mv_max: Array
+    auto: Array
+
+    def window(self) -> Window:
+        """Return what is whole of it for loop health."""
+        whole = np.isfinite(self.sv) & np.isfinite(self.pv) & np.isfinite(self.mv)
+        rising = np.diff(self.t_s[whole], prepend=-np.inf) > 0.0
+        kept = np.flatnonzero(whole)[rising]
+        return Window(
+            t_s=self.t_s[kept],
+            sv=self.sv[kept],
+            pv=self.pv[kept],
+            mv=self.mv[kept],
+            auto=self.auto[kept] > 0.0,
+            mv_min=self.mv_min[kept],
+            mv_max=self.mv_max[kept],
+        )
+
+
+class Trail:
+    """A ring of one loop's samples."""
+
+    def __init__(self, capacity: int = CAPACITY) -> None:
+        self._times = np.zeros(capacity)
+        self._values = np.zeros((capacity, len(COLUMNS)), np.float32)
+        self._next = 0
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(self, t_s: float, row: tuple[float, ...]) -> None:
+        """Keep one sample: SV, PV, MV, MV of the reference, MV_MIN, MV_MAX, and 1 in automatic, else 0."""
+        self._times[self._next] = t_s
+        self._values[self._next] = row
+        self._next = (self._next + 1) % self._times.size
+        self._count = min(self._count + 1, self._times.size)
+
+    def gap(self, t_s: float) -> None:
+        """Mark that nothing is known from now on."""
+        self.add(t_s, (float("nan"),) * len(COLUMNS))
+
+    def trace(self, since_s: float = -np.inf) -> Trace:
+        """Return the samples from a time on as arrays of their own."""
+        order = (self._next - self._count + np.arange(self._count)) % self._times.size
+        order = order[self._times[order] >= since_s]
+        columns = self._values[order].astype(np.float64)
+        return Trace(self._times[order], *columns.T)
+
+
+class Trails:
+    """The trail of every loop of a station, fed with the monitor's reports.
+
+    Not every picture is kept: one for each execution, and one for each CYCLE without.
+    """
+
+    def __init__(self, station: Station, capacity: int = CAPACITY) -> None:
+        self._loops = {loop.name: loop for loop in station.loops}
+        self.trails = {name: Trail(capacity) for name in self._loops}
+        self._ref_mv = dict.fromkeys(self._loops, float("nan"))
+        self._executed = dict.fromkeys(self._loops, False)
+        self._kept_ns = dict.fromkeys(self._loops, 0)
+
+    def take(self, report: Report) -> None:
+        """Take in one report."""
+        event = report.event
+        if isinstance(event, LinkChange):
+            if not event.is_up:
+                for trail in self.trails.values():
+                    trail.gap(report.utc_ns / SECOND)
+                self._ref_mv = dict.fromkeys(self._loops, float("nan"))
+        elif report.loop not in self.trails:
+            return
+        elif isinstance(event, Execution):
+            self._executed[report.loop] = True
+            if event.terms is not None:
+                self._ref_mv[report.loop] = float(event.terms.mv)
+        elif isinstance(event, Sample):
+            self._sample(report.loop, event.picture)
+
+    def _sample(self, name: str, picture: Picture) -> None:
+        cycle = cycle_ns(self._loops[name], picture)
+        if not self._executed[name] and picture.utc_ns - self._kept_ns[name] < cycle:
+            return
+        self._executed[name] = False
+        self._kept_ns[name] = picture.utc_ns
+        inputs = picture.inputs
+        self.trails[name].add(
+            picture.utc_ns / SECOND,
+            (
+                float(inputs.sv),
+                float(inputs.pv),
+                float(picture.seen["MV"]),
+                self._ref_mv[name],
+                float(inputs.mv_min),
+                float(inputs.mv_max),
+                float(is_executing(picture) and not inputs.pid_man),
+            ),
+        )

@@ -1,0 +1,272 @@
+"""The screen that stays open all day: loops, one loop, link, log. A view of a board; it cannot write to a PLC.
+
+Reports change the board only; the screen follows eight times a second and draws nothing but the page in front.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import locale
+from collections.abc import AsyncIterator, Callable
+from typing import ClassVar
+
+from textual.app import App, ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Horizontal, Vertical
+from textual.screen import Screen
+from textual.widgets import DataTable, Footer, Input, TabbedContent, TabPane
+
+from ahgateway.apps.board import Board, Note
+from ahgateway.clock import SECOND
+from ahgateway.errors import StateError
+from ahgateway.tui.event_log import EventLog
+from ahgateway.tui.health_panel import health_lines
+from ahgateway.tui.lines import clock_time
+from ahgateway.tui.lines_panel import Line, LinesPanel, plain
+from ahgateway.tui.link_page import link_lines
+from ahgateway.tui.loops_table import STYLE, LoopsTable
+from ahgateway.tui.note_box import NoteBox
+from ahgateway.tui.operands_panel import operand_lines
+from ahgateway.tui.terms_panel import terms_lines
+from ahgateway.tui.trend import SPANS_S, Trend
+
+REDRAWS_PER_SECOND = 8
+BREAKPOINTS = ((0, "-narrow"), (132, "-wide"))
+"""From so many columns on, the loop page stands in two columns."""
+
+
+class MonitorApp(App[None]):
+    """Whoever runs the monitor feeds the board; the screen ends when the user quits or `exit` is called."""
+
+    ENABLE_COMMAND_PALETTE = False
+    CSS = """
+    Screen { overflow: hidden; }
+    #status { height: 1; background: $panel; }
+    TabbedContent { height: 1fr; }
+    TabbedContent > ContentSwitcher { height: 1fr; }
+    TabPane { height: 1fr; padding: 0 1; }
+    #loop-head { height: 1; }
+    #loop-left { width: 1fr; }
+    #loop-right { width: 68; padding-left: 2; }
+    #terms, #health, #operands { margin-top: 1; }
+    .-narrow #loop-body { layout: vertical; overflow-y: auto; }
+    .-narrow #loop-left, .-narrow #loop-right { width: 100%; height: auto; padding-left: 0; }
+    .-narrow Trend { height: 14; }
+    .-narrow #operands { height: 24; }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("1", "page('loops')", "loops", show=False),
+        Binding("2", "page('loop')", "loop", show=False),
+        Binding("3", "page('link')", "link", show=False),
+        Binding("4", "page('log')", "log", show=False),
+        Binding("left_square_bracket", "turn(-1)", "previous", key_display="["),
+        Binding("right_square_bracket", "turn(1)", "next", key_display="]"),
+        Binding("plus,equals_sign", "span(1)", "longer", key_display="+"),
+        Binding("minus", "span(-1)", "shorter", key_display="-"),
+        Binding("slash", "filter", "filter", key_display="/"),
+        Binding("n", "note", "note"),
+        Binding("m", "mark", "marker"),
+        Binding("a", "plain", "ASCII"),
+        Binding("q,ctrl+c", "quit", "quit", key_display="q"),
+    ]
+
+    def __init__(
+        self,
+        board: Board,
+        title: str,
+        *,
+        on_note: Callable[[Note], None] | None = None,
+        is_ticking: bool = True,
+    ) -> None:
+        """Make the screen.
+
+        Args:
+            board: What is shown.
+            title: What the station is called.
+            on_note: Is told every note and marker, to keep them.
+            is_ticking: False when the caller redraws.
+        """
+        super().__init__()
+        self.HORIZONTAL_BREAKPOINTS = list(BREAKPOINTS)
+        self._board = board
+        self._title = title
+        self._on_note = on_note
+        self._is_ticking = is_ticking
+        self._names = list(board.watches)
+        self._chosen = self._names[0]
+        self._span = 0
+        self._marks = 0
+        self.redraws = 0
+
+    def compose(self) -> ComposeResult:
+        """Status above, four pages, keys below."""
+        yield LinesPanel(id="status")
+        with TabbedContent(initial="loops"):
+            with TabPane("1 loops", id="loops"):
+                yield LoopsTable(self._board)
+            with TabPane("2 loop", id="loop"):
+                yield LinesPanel(id="loop-head")
+                with Horizontal(id="loop-body"):
+                    with Vertical(id="loop-left"):
+                        yield Trend(id="trend")
+                        yield LinesPanel(fits=True, id="health")
+                    with Vertical(id="loop-right"):
+                        yield LinesPanel(fits=True, id="terms")
+                        yield LinesPanel(id="operands")
+            with TabPane("3 link", id="link"):
+                yield LinesPanel(id="link-lines")
+            with TabPane("4 log", id="log"):
+                yield EventLog(self._board)
+        yield Footer()
+
+    def on_mount(self) -> None:
+        """Start to redraw; a console that cannot show Braille gets plain characters."""
+        self.query_one(Trend).is_plain = "utf" not in locale.getpreferredencoding(False).lower()
+        self.query_one(LoopsTable).focus()
+        if self._is_ticking:
+            self.set_interval(1 / REDRAWS_PER_SECOND, self.redraw)
+
+    def redraw(self) -> None:
+        """Bring the page in front up to date, and the figures of one loop's health."""
+        self.redraws += 1
+        board = self._board
+        board.health(self._chosen if self.page == "loop" else board.oldest_health())
+        self._base.query_one("#status", LinesPanel).put([self._status()])
+        if self.page == "loops":
+            self._base.query_one(LoopsTable).show()
+        elif self.page == "loop":
+            self._loop_page()
+        elif self.page == "link":
+            panel = self._base.query_one("#link-lines", LinesPanel)
+            panel.put(plain(line) for line in link_lines(board, max(20, panel.size.width - 36)))
+        else:
+            self._base.query_one(EventLog).show()
+
+    @property
+    def page(self) -> str:
+        """Name of the page in front."""
+        return self._base.query_one(TabbedContent).active
+
+    @property
+    def _base(self) -> Screen[object]:
+        """The screen of the pages, also while a box that asks for a note lies above it."""
+        return self.screen_stack[0]
+
+    def _status(self) -> Line:
+        monitor = self._board.monitor
+        link = "link up" if monitor.is_up else "LINK DOWN"
+        diverged = sum(watch.follower.counts.diverged > 0 for watch in monitor.watches)
+        stale = sum(self._board.freshness(watch).is_stale for watch in monitor.watches)
+        parts = [self._title, f"{len(monitor.watches)} loops", link]
+        if stale:
+            parts.append(f"{stale} STALE")
+        parts.append(f"{diverged} DIVERGED" if diverged else "none diverged")
+        parts.append(clock_time(self._board.clock.utc_ns()).partition(".")[0] + "Z")
+        alarm = not monitor.is_up or diverged or stale
+        return (("  │  ".join(parts), "bold reverse" if alarm else ""),)
+
+    def _loop_page(self) -> None:
+        board, name = self._board, self._chosen
+        watch = board.watches[name]
+        word = board.word(watch)
+        counts = watch.follower.summary()
+        fresh = board.freshness(watch)
+        age = "no picture" if fresh.age_ns is None else f"{fresh.age_ns / SECOND:.1f} s old"
+        head = (
+            (name, "bold"),
+            (f"  {watch.loop.controller.name}  ", ""),
+            (word, STYLE.get(word, "")),
+            (f"  proven {counts.proven} of {counts.total} ({counts.coverage:.0%})  diverged {counts.diverged}", ""),
+            (f"  {age}", ""),
+        )
+        self._base.query_one("#loop-head", LinesPanel).put([head])
+        until_s = board.clock.utc_ns() / SECOND
+        span_s = SPANS_S[self._span]
+        trace = board.trails.trails[name].trace(until_s - span_s)
+        units = (watch.loop.pv_unit, watch.loop.mv_unit)
+        self._base.query_one(Trend).show(trace, until_s, span_s, units)
+        terms, operands, figures = (
+            self._base.query_one(f"#{id}", LinesPanel) for id in ("terms", "operands", "health")
+        )
+        terms.put(terms_lines(board, watch, terms.size.width))
+        operands.put(operand_lines(board, watch))
+        lines = health_lines(board.known_health(name), board.statement(name), units, figures.size.width)
+        figures.put(plain(line) for line in lines)
+
+    def action_page(self, name: str) -> None:
+        """Bring a page to the front."""
+        self._base.query_one(TabbedContent).active = name
+        # A key typed into a field that is no longer in front would be lost.
+        self.set_focus(self._base.query_one(LoopsTable) if name == "loops" else None)
+        self.call_after_refresh(self.redraw)
+
+    def action_turn(self, step: int) -> None:
+        """Show the next or the previous loop."""
+        self._chosen = self._names[(self._names.index(self._chosen) + step) % len(self._names)]
+        self.redraw()
+
+    def action_span(self, step: int) -> None:
+        """Make the trend longer or shorter."""
+        self._span = min(max(self._span + step, 0), len(SPANS_S) - 1)
+        self.redraw()
+
+    def action_plain(self) -> None:
+        """Change between Braille and ASCII."""
+        trend = self._base.query_one(Trend)
+        trend.is_plain = not trend.is_plain
+        self.redraw()
+
+    def action_filter(self) -> None:
+        """Go to the log's filter."""
+        self.action_page("log")
+        self._base.query_one("#log-filter", Input).focus()
+
+    def action_mark(self) -> None:
+        """Set a numbered marker now."""
+        self._marks += 1
+        self._keep(f"marker {self._marks}")
+
+    def action_note(self) -> None:
+        """Ask for a note."""
+        self.push_screen(NoteBox(), lambda text: self._keep(text) if text else None)
+
+    def _keep(self, text: str) -> None:
+        note = self._board.note(text)
+        if self._on_note is not None:
+            self._on_note(note)
+        self.notify(text, timeout=2)
+        self.redraw()
+
+    def on_data_table_row_selected(self, event: DataTable.RowSelected) -> None:
+        """Enter or a click on a loop shows its page."""
+        if event.row_key.value is not None:
+            self._chosen = event.row_key.value
+            self.action_page("loop")
+
+    def on_tabbed_content_tab_activated(self, _: TabbedContent.TabActivated) -> None:
+        """A tab clicked is drawn as soon as it has its size."""
+        self.call_after_refresh(self.redraw)
+
+    def on_input_submitted(self, _: Input.Submitted) -> None:
+        """Enter in the filter gives the keys back."""
+        self.set_focus(None)
+
+
+@contextlib.asynccontextmanager
+async def shown(app: MonitorApp, stop: asyncio.Event) -> AsyncIterator[MonitorApp]:
+    """Show a screen around a run; when the user quits, `stop` is set.
+
+    Raises:
+        StateError: The terminal could not be driven.
+    """
+    task = asyncio.ensure_future(app.run_async())
+    task.add_done_callback(lambda _: stop.set())
+    try:
+        yield app
+    finally:
+        if not task.done():
+            app.exit()
+        await task
+    if app.return_code:
+        raise StateError("the screen ended with an error", hint="`--plain` prints lines instead")
