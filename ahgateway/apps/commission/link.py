@@ -213,7 +213,7 @@ def _short(station: Station, found: Found, longest: int) -> Check:
 async def _paced(station: Station, loop: Loop, link: Link, clock: Clock) -> list[Check]:
     sampler = Sampler(loop, station, link, clock)
     times_ns: list[int] = []
-    busy, cycle_s = 0, 0.0
+    busy, torn, cycle_s = 0, 0, 0.0
     for _ in range(ROUNDS):
         begun_ns = clock.now_ns()
         try:
@@ -225,16 +225,25 @@ async def _paced(station: Station, loop: Loop, link: Link, clock: Clock) -> list
             await clock.sleep_ns(20 * MILLISECOND)
             continue
         times_ns.append(clock.now_ns() - begun_ns)
-        if picture is not None:
+        if picture is None:
+            torn += 1
+        elif _is_legal(loop, picture.inputs.cycle):
             cycle_s = float(loop.controller.nominal_ts(picture.inputs))
     asked = f"{busy} of {ROUNDS} pictures met a busy PLC"
     checks = [judged("busy", not busy, asked, busy=busy)]
+    if torn and torn == len(times_ns):
+        return [failed("slow-link", "an execution falls into every picture: the link is slower than CYCLE"), *checks]
     if not times_ns or not cycle_s:
-        return [unclear("slow-link", "no picture of the loop was taken"), *checks]
+        return [unclear("slow-link", "no picture of the loop with a legal CYCLE was taken"), *checks]
     middle, worst = median(times_ns) / MILLISECOND, max(times_ns) / MILLISECOND
     text = f"a picture takes {middle:.1f} ms, at worst {worst:.1f} ms; CYCLE is {cycle_s * 1000:g} ms"
     good = middle <= cycle_s * 250
     return [judged("slow-link", good, text, median_ms=round(middle, 3), worst_ms=round(worst, 3)), *checks]
+
+
+def _is_legal(loop: Loop, cycle: int) -> bool:
+    row = loop.controller.operand("CYCLE")
+    return (row.minimum or 0) <= cycle <= (row.maximum or cycle)
 
 
 def amended(text: str, changes: dict[str, str | int]) -> str:

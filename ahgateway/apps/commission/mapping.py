@@ -87,7 +87,8 @@ async def _others(station: Station, loop: Loop, link: Link, own: Fit | None, oth
 
 def _judge(own: Fit | None, others: Sequence[Fit]) -> list[Check]:
     names = ("swapped-word-order", "off-by-one", "wrong-device-map", "no-loop-there")
-    best = max(others, key=lambda fit: fit.score, default=None)
+    # Zeros look legal everywhere and prove nothing.
+    best = max((fit for fit in others if not fit.is_empty), key=lambda fit: fit.score, default=None)
     mine = own.score if own is not None else -1
     if best is not None and best.score >= mine + CLEARLY and 2 * best.score > best.best:
         return [_named(name, best, own) for name in names]
@@ -95,8 +96,8 @@ def _judge(own: Fit | None, others: Sequence[Fit]) -> list[Check]:
         return [*(skipped(name, "the registers cannot be read") for name in names[:3]),
                 failed("no-loop-there", "the PLC refuses the operands' addresses")]  # fmt: skip
     if own.is_empty:
-        return [*(skipped(name, "every operand reads 0") for name in names[:3]),
-                failed("no-loop-there", "every operand reads 0")]  # fmt: skip
+        return [*(skipped(name, "every operand but PV reads 0") for name in names[:3]),
+                failed("no-loop-there", "every operand but PV reads 0")]  # fmt: skip
     text = f"{own.score} of {own.best} signs of a PID instruction as the profile says"
     if 3 * own.score < 2 * own.best:
         return [*(skipped(name, "no other reading fits better") for name in names[:3]),
@@ -164,7 +165,8 @@ def _scored(loop: Loop, hypothesis: Hypothesis, words: Mapping[str, tuple[int, .
             signs.append(low <= value <= (row.maximum if row.maximum is not None else 2**31))
     signs += _sense(loop, values, words)
     shown = {name: value if math.isfinite(value) else str(value) for name, value in values.items()}
-    is_empty = not any(any(each) for each in words.values())
+    # The program fills PV from its input, whether an instruction stands there or not.
+    is_empty = not any(any(each) for name, each in words.items() if name != "PV")
     return Fit(hypothesis, sum(signs), len(signs), shown, is_empty)
 
 
@@ -203,4 +205,7 @@ async def _system_flags(station: Station, link: Link) -> Check:
             bits.append((await link.exchange(Read(station.unit, Table.COIL, place.address, 1))).values[0])
         except PlcRefusedError as error:
             return unclear("system-flags", f"the PLC refuses to read SM: {error.message}")
-    return judged("system-flags", bits == [1, 0], f"SM400 is {bits[0]}, SM401 is {bits[1]}")
+    text = f"SM400 is {bits[0]}, SM401 is {bits[1]}"
+    if bits == [0, 0]:
+        return unclear("system-flags", f"{text}: the PLC is in STOP, or SM stands elsewhere")
+    return judged("system-flags", bits == [1, 0], text)

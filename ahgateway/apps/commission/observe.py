@@ -11,7 +11,8 @@ from ahgateway.codec.station import Loop, Station
 from ahgateway.core.verdict import Counts
 from ahgateway.errors import PlcRefusedError, TransportError
 from ahgateway.lockstep.causes import Suspect
-from ahgateway.lockstep.follow import Change, Event, Finding, Follower, cycle_ns
+from ahgateway.lockstep.events import Change, Finding
+from ahgateway.lockstep.follow import Event, Follower, cycle_ns
 from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.picture import Picture, Sampler
 from ahgateway.transports.base import Link

@@ -27,6 +27,8 @@ QUANTUM_MAX = 0.002
 MOVED = 0.005
 """MV has moved when it covered this share of its range."""
 PICTURES_MIN = 12
+LOST_MIN = 4
+"""So many operands that become 0 at once are a restart, not a person."""
 GAINS = ("Kp", "Ki", "Kd", "Kc_Kp", "Ti_Ki", "Td_Kd", "Tf")
 
 
@@ -86,9 +88,10 @@ def judge_shadow(seen: Observation, coverage_min: float) -> list[Check]:
 
 
 def _restarted(seen: Observation) -> Check:
-    zero = [not any(any(words) for words in each.words.values()) for each in seen.pictures]
-    if any(zero) and not all(zero):
-        return failed("restarted", "the registers were lost meanwhile: every operand read 0")
+    for before, after in pairwise(seen.pictures):
+        lost = [name for name, words in before.words.items() if any(words) and not any(after.words[name])]
+        if len(lost) >= LOST_MIN:
+            return failed("restarted", f"the registers were lost meanwhile: {', '.join(lost)} read 0 all at once")
     stops = seen.found("plc-stopped")
     if stops is not None and seen.pictures and seen.pictures[0].running:
         return failed("restarted", "the PLC went to STOP meanwhile")
@@ -239,6 +242,8 @@ def _overlap(station: Station, loop: Loop) -> Check:
 def _memory(loop: Loop, seen: Observation) -> Check:
     first, last = seen.pictures[0], seen.pictures[-1]
     lasted_ns = last.last_ns - first.last_ns
+    if not (math.isfinite(last.inputs.sv) and math.isfinite(last.inputs.pv)):
+        return skipped("i-mv-dead", "SV or PV is no number, so that the instruction holds")
     if lasted_ns < 5 * cycle_ns(loop, last):
         return skipped("i-mv-dead", "observed for less than five CYCLE")
     owned = [each.name for each in loop.controller.seen if each.operand == "I_MV" and each.name in last.seen]

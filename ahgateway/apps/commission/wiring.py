@@ -278,6 +278,7 @@ class _Test:
         if any(name not in self.loop.writes for name in names):
             self.note(skipped("clamp-ignored", "MV_MAX and MV_MIN are not on the list of what may be written"))
             return
+        await self._settle()
         wrong, texts = [], []
         for name, sign in (("MV_MAX", -1.0), ("MV_MIN", 1.0)):
             picture = self.pictures[-1]
@@ -305,12 +306,10 @@ class _Test:
         held = float(self.pictures[-1].seen["MV"])
         await self._watch(round(self.loop.writes["PID_MAN"].interval_s * SECOND))
         await self.gate.write({"PID_MAN": False}, "back to automatic")
-        picture = await self.look()
-        jump = abs(float(picture.seen["MV"]) - held)
-        allowed = max(self.bounds.step, 1e-6)
-        text = (
-            f"MV was {held:g} in manual and is {float(picture.seen['MV']):g} behind the transfer, {before:g} at first"
-        )
+        seen = await self._watch(2 * cycle_ns(self.loop, self.pictures[-1]))
+        moved = max((float(each.seen["MV"]) for each in seen), key=lambda mv: abs(mv - held), default=held)
+        jump, allowed = abs(moved - held), self.bounds.step
+        text = f"MV was {held:g} in manual and {moved:g} at the most behind the transfer, {before:g} at first"
         self.note(judged("bump", jump <= allowed, text, jump=round(jump, 6), allowed=allowed))
 
 
