@@ -152,13 +152,19 @@ class PlantSpec:
     """The process that the fake PLC hangs on a loop: PV follows MV.
 
     Attributes:
-        kind: `fopdt` first order with dead time, or `integrating` with dead time.
+        kind: `fopdt` first order with dead time, `integrating` with dead time, or `heat_cool`, first order with a
+            heater and a cooler.
         gain: PV per MV; PV per MV and second when integrating.
         tau_s: Time constant in s; not used when integrating.
         dead_time_s: Dead time in s.
         bias: PV at MV = 0; drift of PV per second when integrating.
         noise: Standard deviation of the noise on PV.
         initial: PV at the start.
+        cool_gain: PV per % of cooling, `heat_cool` only.
+        stroke_s: Time of the motor valve in front of the plant from closed to open, PID_REG_CE only; so the next three.
+        backlash: Backlash of its gear in %.
+        stiction: Further way before a resting stem breaks loose, in %.
+        position: Where it stands at the start, in %.
     """
 
     kind: str
@@ -168,6 +174,11 @@ class PlantSpec:
     bias: float = 0.0
     noise: float = 0.0
     initial: float = 0.0
+    cool_gain: float = 0.0
+    stroke_s: float = 60.0
+    backlash: float = 0.0
+    stiction: float = 0.0
+    position: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

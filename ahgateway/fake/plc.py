@@ -23,9 +23,10 @@ from ahgateway.clock import MILLISECOND, Clock
 from ahgateway.codec.access import Read, Request, Table
 from ahgateway.codec.block import address
 from ahgateway.codec.devices import Device
-from ahgateway.codec.station import FakeLoop, Station
+from ahgateway.codec.station import FakeLoop, Loop, Station
 from ahgateway.core.real import quiet
 from ahgateway.errors import CodecError, PlcRefusedError, StateError
+from ahgateway.fake.call_item import CallItem
 from ahgateway.fake.faults import fault as fault_named
 from ahgateway.fake.memory import BUSY, BitCell, Limits, Memory
 from ahgateway.fake.process import DEFAULT_PLANT, Process
@@ -54,6 +55,11 @@ class Refusal:
     last: int
     code: int
     count: int | None = None
+
+
+def _item_type(loop: Loop) -> type[PidItem]:
+    """Delta's instructions keep their own schedule, the other blocks are called."""
+    return PidItem if loop.controller.begin is None else CallItem
 
 
 class FakePlc:
@@ -112,7 +118,7 @@ class FakePlc:
         self._origin_ns = clock.now_ns() if clock else 0
         self._flags = self._system_flags()
         self.items = {
-            loop.name: PidItem(loop, self.memory, self._rng, log_max=log_max, is_restless=is_restless)
+            loop.name: _item_type(loop)(loop, self.memory, self._rng, log_max=log_max, is_restless=is_restless)
             for loop in station.loops
         }
         self.processes: dict[str, Process] = {}
@@ -138,8 +144,9 @@ class FakePlc:
                 process.advance(elapsed)
             if not self.is_running:
                 return
-            for process in self.processes.values():
-                process.sense()
+            for name, process in self.processes.items():
+                if getattr(self.items[name], "sense", None) is None:
+                    process.sense()
             for item in self.items.values():
                 item.scan(self.now_ns, elapsed)
             for process in self.processes.values():
@@ -273,9 +280,12 @@ class FakePlc:
             ) from None
 
     def _set_up(self, item: PidItem, setup: FakeLoop) -> None:
-        if setup.plant is not None and item.wiring.is_register("MV"):
+        mv = item.loop.controller.operand_of(item.loop.controller.roles.mv)
+        if setup.plant is not None and item.wiring.is_register(mv):
             self.processes[item.loop.name] = process = Process(item.wiring, setup.plant, self._rng)
             process.sense()
+            if isinstance(item, CallItem) and item.loop.holds_pv:
+                item.sense = process.sense
             # A relay that turns at every flicker of the sensor would measure the noise.
             item.hysteresis = 4.0 * setup.plant.noise
         for operand, value in setup.initial.items():

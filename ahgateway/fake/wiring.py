@@ -15,6 +15,7 @@ from ahgateway.codec.block import address
 from ahgateway.codec.block import defaults as block_defaults
 from ahgateway.codec.station import Const, Loop
 from ahgateway.codec.words import decode, encode
+from ahgateway.core.controllers import Seen, replaced
 from ahgateway.core.operands import Kind, Operand
 from ahgateway.errors import StateError
 from ahgateway.fake.memory import Memory, Words, real_view
@@ -36,16 +37,19 @@ class Wiring:
         rows = {row.attr: row for row in loop.controller.operands}
         self._inputs = [self._reader(rows[attr]) for attr in loop.controller.input_names]
         self.enabled: Callable[[], bool] = (
-            memory.bit_at(address(loop, memory.devices, EN)).get if loop.en is not None else _always
+            memory.bit_at(address(loop, memory.devices, EN)).get
+            if loop.en is not None or self.is_register(EN)
+            else _always
         )
-        state_fields = frozenset(loop.controller.state()._fields)
-        self._state: list[tuple[str, Any]] = []
-        self._terms: list[tuple[str, Any]] = []
+        self._left: list[tuple[Seen, Callable[[Any], None]]] = []
+        self._kept: list[tuple[str, Any]] = []
         for seen in loop.controller.seen:
             if isinstance(loop.bindings[seen.operand], Const):
                 continue
-            view = real_view(self.words(seen.operand)[2 * seen.dword :])
-            (self._state if seen.attr in state_fields else self._terms).append((seen.attr, view))
+            self._left.append((seen, self._writer(seen)))
+            path = seen.path(loop.controller.state())
+            if path:
+                self._kept.append((path, real_view(self.words(seen.operand)[2 * seen.dword :])))
 
     def inputs(self) -> Any:
         """Read what a step reads: the controller's NamedTuple, REALs with their bits kept."""
@@ -53,14 +57,26 @@ class Wiring:
 
     def recalled(self, state: Any) -> Any:
         """Return the state with every part that stands in memory taken from there."""
-        return state._replace(**{attr: view[0] for attr, view in self._state})
+        for path, view in self._kept:
+            state = replaced(state, path, view[0])
+        return state
 
     def leave(self, state: Any, terms: Any) -> None:
         """Write what the instruction owns: its double words of I_MV, MV, and MOUT where it is a register."""
-        for attr, view in self._state:
-            view[0] = getattr(state, attr)
-        for attr, view in self._terms:
-            view[0] = getattr(terms, attr)
+        for seen, put in self._left:
+            put(seen.stored(state, terms))
+
+    def _writer(self, seen: Seen) -> Callable[[Any], None]:
+        """Return what stores a value where the instruction leaves it."""
+        if seen.kind is Kind.BOOL:
+            return self._memory.bit_at(address(self.loop, self._memory.devices, seen.operand)).put
+        words = self.words(seen.operand)[2 * seen.dword :]
+        view = {Kind.REAL: real_view, Kind.INT: _int_view, Kind.DINT: _dint_view}[seen.kind](words)
+
+        def put(value: Any) -> None:
+            view[0] = value
+
+        return put
 
     def words(self, operand: str) -> Words:
         """Return a live view of an operand's words."""
@@ -73,7 +89,7 @@ class Wiring:
 
     def get(self, operand: str) -> Any:
         """Return an operand's value, or the EN contact."""
-        if operand == EN:
+        if operand == EN and not self._has_row(EN):
             return self.enabled()
         row = self._row(operand)
         return self._reader(row)()
@@ -85,7 +101,7 @@ class Wiring:
             CodecError: The kind cannot hold it, or the operand is a constant of the program.
             StateError: The instruction has no such operand.
         """
-        if operand == EN:
+        if operand == EN and not self._has_row(EN):
             self._memory.bit_at(address(self.loop, self._memory.devices, EN)).put(bool(value))
         else:
             row = self._row(operand)
@@ -97,10 +113,13 @@ class Wiring:
                 self._memory.words_at(place, len(words))[:] = words
         self._memory.generation += 1
 
+    def _has_row(self, operand: str) -> bool:
+        return operand in self.loop.bindings
+
     def put_all(self, values: Mapping[str, Any]) -> None:
         """Write several operands; those that are constants of the program keep what the program says."""
         for operand, value in values.items():
-            if operand == EN or self.is_register(operand):
+            if (operand == EN and self.loop.en is not None) or self.is_register(operand):
                 self.put(operand, value)
 
     def defaults(self) -> None:
@@ -158,6 +177,14 @@ def _always() -> bool:
 
 def _same(value: Any) -> Any:
     return value
+
+
+def _int_view(words: Words) -> Any:
+    return words[:1].view("<i2")
+
+
+def _dint_view(words: Words) -> Any:
+    return words[:2].view("<i4")
 
 
 def _whole(view: Any) -> int:

@@ -172,6 +172,10 @@ class Controller:
                 return row
         raise KeyError(name)
 
+    def operand_of(self, seen: str) -> str:
+        """Return the operand in whose words a seen value stands; KeyError for another name."""
+        return {word.name: word.operand for word in self.seen}[seen]
+
     def ts(self, inputs: Any, dialect: Any, ticks: int = 0) -> REAL:
         """Return Ts as `step` takes it in this dialect; `ticks` of the dialect's clock count where it measures."""
         return self.nominal_ts(inputs) if self.law_ts is None else self.law_ts(inputs, dialect, ticks)
