@@ -27,7 +27,9 @@ def resolved(station: Station, target: str | None) -> Station:
 
 @contextlib.asynccontextmanager
 async def open_target(station: Station, clock: Clock, tap: Tap | None = None) -> AsyncIterator[Link]:
-    """Yield the link to a station's target; `fake://PROFILE` runs that profile's fake PLC in this process.
+    """Yield the link to a station's target.
+
+    `fake://PROFILE` runs that profile's fake PLC in this process, `replay://FILE` reads what a recording saw.
 
     Raises:
         ProfileError: The target is no legal URI, or the fake's profile is wrong.
@@ -44,6 +46,11 @@ async def open_target(station: Station, clock: Clock, tap: Tap | None = None) ->
         loaded = load(target.path)
         plc = FakePlc(loaded.station(), loaded.fake_setup(), clock=clock)
         link: Link = MemoryLink(plc, clock, tap=tap, pacing=station.pacing, target=target.text)
+    elif target.scheme == "replay":
+        from ahgateway.recording.reader import Recording
+        from ahgateway.transports.replay import ReplayLink
+
+        link = ReplayLink(Recording(target.path), clock, float(target.options.get("speed", 1.0)))
     else:
         link = open_link(target, clock, station.pacing, tap, can=station.can)
     try:

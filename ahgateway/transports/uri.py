@@ -23,6 +23,8 @@ from ahgateway.errors import ProfileError, StateError
 from ahgateway.transports.base import Link, Tap
 
 MODBUS_TCP_PORT = 502
+SPEED_MAX = 1e6
+"""Fastest replay that is still paced."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +83,14 @@ def _one_of(*names: str) -> Callable[[str], str]:
     return check
 
 
+def _speed(text: str) -> str:
+    try:
+        is_legal = 0.0 < float(text) <= SPEED_MAX
+    except ValueError:
+        is_legal = False
+    return "" if is_legal else f"a number above 0, at most {SPEED_MAX:g}; without it as fast as it goes"
+
+
 _LINE = {
     "unit": _whole(1, 247),
     "baud": _whole(300, 4_000_000),
@@ -109,7 +119,7 @@ _SCHEMES = {
         },
     ),
     "fake": _Scheme("fake://PROFILE", has_path=True),
-    "replay": _Scheme("replay://FILE", has_path=True),
+    "replay": _Scheme("replay://FILE[?speed=N]", has_path=True, options={"speed": _speed}),
 }
 
 
