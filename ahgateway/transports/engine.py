@@ -125,6 +125,11 @@ class Engine:
         return bool(self._flying or self._queue)
 
     @property
+    def is_flying(self) -> bool:
+        """True while a reply is waited for."""
+        return bool(self._flying)
+
+    @property
     def has_queue(self) -> bool:
         """True while anything waits to be sent."""
         return bool(self._queue)

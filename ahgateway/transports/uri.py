@@ -220,13 +220,15 @@ def open_link(
         return TcpLink(target.host, target.port or MODBUS_TCP_PORT, clock=clock, pacing=pacing, tap=tap)
     if target.scheme in ("modbus+rtu+tcp", "modbus+ascii+tcp"):
         return _converter_link(target, clock, pacing, tap)
+    if target.scheme in ("modbus+rtu", "modbus+ascii"):
+        return _serial_link(target, clock, pacing, tap)
     if target.scheme == "canopen":
         from ahgateway.transports.can.opening import can_link
 
         return can_link(target, can, clock, pacing, tap)
     raise StateError(
         f"`{target.text}`: {target.scheme} links are not part of this version",
-        hint="modbus+tcp, modbus+rtu+tcp and modbus+ascii+tcp links are",
+        hint="give a target of another kind, such as modbus+tcp:// or modbus+rtu://",
     )
 
 
@@ -239,3 +241,21 @@ def _converter_link(target: Target, clock: Clock, pacing: Pacing, tap: Tap | Non
     return TcpLink(
         target.host, target.port or 0, clock=clock, pacing=pacing, tap=tap, framing=framing, scheme=target.scheme
     )
+
+
+def _serial_link(target: Target, clock: Clock, pacing: Pacing, tap: Tap | None) -> Link:
+    from ahgateway.transports.ascii import AsciiReplies
+    from ahgateway.transports.line import Line
+    from ahgateway.transports.rtu import RtuReplies
+    from ahgateway.transports.serial_link import SerialLink
+
+    is_rtu = target.scheme == "modbus+rtu"
+    line = Line(
+        target.path,
+        baud=target.whole("baud", 9600),
+        parity=target.options.get("parity", "E"),
+        bits=target.whole("bits", 8 if is_rtu else 7),
+        stop=target.whole("stop", 1),
+    )
+    framing = RtuReplies if is_rtu else AsciiReplies
+    return SerialLink(line, clock=clock, pacing=pacing, tap=tap, framing=framing, scheme=target.scheme)

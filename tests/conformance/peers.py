@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable
+import contextlib
+import tempfile
+from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
 
 from ahgateway.codec.access import Read, Request, Table
 from ahgateway.errors import PlcRefusedError
@@ -39,6 +42,24 @@ class TinyPlc:
             raise PlcRefusedError("busy", code=6)
         cells[request.address : request.address + count] = list(request.values)
         return ()
+
+
+@contextlib.asynccontextmanager
+async def serial_pair() -> AsyncIterator[tuple[str, str]]:
+    """Two pseudo-terminals joined by socat: they carry bytes and ignore baud rate, parity and data bits."""
+    with tempfile.TemporaryDirectory() as folder:
+        ends = Path(folder, "plc"), Path(folder, "laptop")
+        process = await asyncio.create_subprocess_exec("socat", *(f"PTY,raw,echo=0,link={end}" for end in ends))
+        for _ in range(1000):
+            if all(end.exists() for end in ends):
+                break
+            await asyncio.sleep(0.002)
+        try:
+            yield str(ends[0]), str(ends[1])
+        finally:
+            if process.returncode is None:
+                process.terminate()
+            await process.wait()
 
 
 Answer = Callable[["Peer", int, Request, bytes], Awaitable[bytes | None]]

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import AsyncIterator
 from typing import NamedTuple
 
 import pytest
-from conformance.peers import CLIENT, SERVER, TinyPlc
+from conformance.peers import CLIENT, SERVER, TinyPlc, serial_pair
 
 from ahgateway.clock import MILLISECOND, VirtualClock, WallClock
 from ahgateway.codec.access import Read, Table, Write
 from ahgateway.codec.station import Pacing
 from ahgateway.errors import CodecError, LinkError, PlcRefusedError, ReplyTimeoutError
 from ahgateway.transports.base import Frame, Link
+from ahgateway.transports.line import Line
 from ahgateway.transports.memory import MemoryLink
+from ahgateway.transports.serial_link import SerialLink
+from ahgateway.transports.serial_server import serve_serial
 from ahgateway.transports.server import serve_tcp
 from ahgateway.transports.tcp import TcpLink
 
@@ -25,7 +29,7 @@ class Bench(NamedTuple):
     frames: list[Frame]
 
 
-@pytest.fixture(params=["memory", "tcp", "tcp-pipelined", "rtu", "ascii"])
+@pytest.fixture(params=["memory", "tcp", "tcp-pipelined", "rtu", "ascii", "rtu-serial", "ascii-serial"])
 async def bench(request: pytest.FixtureRequest) -> AsyncIterator[Bench]:
     plc, frames = TinyPlc(), list[Frame]()
     pacing = Pacing(reply_timeout_ms=60, requests_in_flight_max=4 if request.param == "tcp-pipelined" else 1)
@@ -35,6 +39,10 @@ async def bench(request: pytest.FixtureRequest) -> AsyncIterator[Bench]:
         )
         return
     wire = request.param.partition("-")[0]
+    if request.param.endswith("-serial"):
+        async with serial_bench(wire, pacing) as found:
+            yield found
+        return
     server = await serve_tcp(plc, framing=SERVER[wire])
     link = TcpLink(
         "127.0.0.1",
@@ -48,6 +56,24 @@ async def bench(request: pytest.FixtureRequest) -> AsyncIterator[Bench]:
     yield Bench(link, plc, frames)
     await link.close()
     await server.close()
+
+
+@contextlib.asynccontextmanager
+async def serial_bench(wire: str, pacing: Pacing) -> AsyncIterator[Bench]:
+    plc, frames = TinyPlc(), list[Frame]()
+    async with serial_pair() as (plc_end, our_end):
+        server = await serve_serial(plc, Line(plc_end, 115200), framing=SERVER[wire])
+        link = SerialLink(
+            Line(our_end, 115200),
+            clock=WallClock(),
+            pacing=pacing,
+            tap=frames.append,
+            framing=CLIENT[wire],
+            scheme=f"modbus+{wire}",
+        )
+        yield Bench(link, plc, frames)
+        await link.close()
+        await server.close()
 
 
 async def test_words_are_written_and_read_back(bench: Bench) -> None:

@@ -1,0 +1,195 @@
+"""A unit behind a line on which everything goes wrong, in virtual time: the whole of a history follows from its seed.
+
+The unit answers in order, each request at most once; that is what the link assumes of it. Even registers hold their
+own address, odd ones the millisecond at which the unit read them, so that every value tells where and when it was.
+"""
+
+from __future__ import annotations
+
+import heapq
+import random
+from dataclasses import dataclass
+
+from ahgateway.clock import MILLISECOND, VirtualClock
+from ahgateway.codec.access import Read, Request, Table, Write
+from ahgateway.errors import AhGatewayError
+from ahgateway.transports.ascii import AsciiReplies, AsciiRequests
+from ahgateway.transports.base import LinkFigures, Reply
+from ahgateway.transports.engine import Engine, Limits
+from ahgateway.transports.framing import Framing, Mbap
+from ahgateway.transports.responder import Responder
+from ahgateway.transports.rtu import RtuReplies, RtuRequests
+
+WIRES: dict[str, tuple[type[Framing], type[Framing]]] = {
+    "tcp": (Mbap, Mbap),
+    "rtu": (RtuReplies, RtuRequests),
+    "ascii": (AsciiReplies, AsciiRequests),
+}
+TIMEOUT_NS = 50 * MILLISECOND
+PAUSE_NS = 2 * MILLISECOND
+"""Longer than a second copy of a reply is behind the first: the link assumes that too."""
+FAULTS = (
+    "late",
+    "very late",
+    "lost",
+    "request lost",
+    "cut",
+    "corrupt",
+    "noise before",
+    "noise after",
+    "twice",
+    "split",
+)
+TCP_FAULTS = ("late", "very late", "lost", "request lost", "split")
+
+
+@dataclass
+class Outcome:
+    """What became of one exchange."""
+
+    request: Request
+    reply: Reply | None = None
+    error: Exception | None = None
+    asked_ns: int = 0
+    ended_ns: int = 0
+
+    def done(self) -> bool:
+        return self.reply is not None or self.error is not None
+
+    def set_result(self, reply: Reply) -> None:
+        self.reply = reply
+
+    def set_exception(self, error: Exception) -> None:
+        self.error = error
+
+    @property
+    def is_true(self) -> bool:
+        """No value, or values that stood in the registers asked for, between request and reply."""
+        if self.reply is None or not isinstance(self.request, Read):
+            return True
+        sent_ms, last_ms = self.reply.sent_ns // MILLISECOND, self.reply.last_ns // MILLISECOND
+        for address, value in enumerate(self.reply.values, start=self.request.address):
+            if address % 2 == 0 and value != address:
+                return False
+            if address % 2 == 1 and not sent_ms <= value <= last_ms:
+                return False
+        return True
+
+
+class History:
+    """One seeded run: `faulty` exchanges on a bad line, then sound ones until the first passes."""
+
+    def __init__(self, seed: int, wire: str) -> None:
+        client, server = WIRES[wire]
+        self.clock = VirtualClock()
+        self.random = random.Random(seed)
+        self.wire = wire
+        limits = Limits(TIMEOUT_NS, pause_ns=PAUSE_NS, quiet_ns=5 * MILLISECOND)
+        self.engine = Engine(client(), limits, self.clock, LinkFigures(), wire)
+        self.engine.connected(0)
+        self.responder = Responder(self, server())
+        self.coming: list[tuple[int, int, bytes]] = []
+        self.order = 0
+        self.free_ns = 0
+        self.fault_rate = 0.4
+        self.faults = TCP_FAULTS if wire == "tcp" else FAULTS
+        self.reads_at_ns = 0
+
+    def answer(self, request: Request) -> tuple[int, ...]:
+        now_ms = self.reads_at_ns // MILLISECOND
+        if not isinstance(request, Read):
+            return ()
+        return tuple(
+            now_ms if address % 2 else address for address in range(request.address, request.address + request.count)
+        )
+
+    def run(self, exchanges: int) -> list[Outcome]:
+        """Return the outcomes of `exchanges` on the bad line and of at least one on the good line after it."""
+        outcomes = [self.exchange() for _ in range(exchanges)]
+        self.fault_rate = 0.0
+        for _ in range(200):
+            outcomes.append(self.exchange())
+            if outcomes[-1].reply is not None:
+                break
+        return outcomes
+
+    def exchange(self) -> Outcome:
+        address, count = self.random.randrange(0, 60), self.random.choice((2, 2, 2, 4, 6))
+        is_read = self.random.random() < 0.85
+        request = Read(1, Table.HOLDING, address, count) if is_read else Write(1, Table.HOLDING, address, (1,) * count)
+        outcome = Outcome(request, asked_ns=self.clock.now_ns())
+        self.engine.submit(request, outcome)
+        while not outcome.done():
+            self._turn()
+        outcome.ended_ns = self.clock.now_ns()
+        self.clock.advance_ns(self.random.randrange(0, 10) * MILLISECOND)
+        self._deliver()
+        return outcome
+
+    def _turn(self) -> None:
+        frame = self.engine.outgoing(self.clock.now_ns())
+        if frame is not None:
+            self._transmit(frame)
+            return
+        wake_ns = self.engine.wake_ns()
+        events = [
+            event_ns for event_ns in (wake_ns, self.coming[0][0] if self.coming else None) if event_ns is not None
+        ]
+        if not self.engine.is_busy:
+            return  # the request has failed without being sent
+        self.clock.advance_ns(max(0, min(events) - self.clock.now_ns()))
+        self._deliver()
+        self.engine.tick(self.clock.now_ns())
+
+    def _deliver(self) -> None:
+        while self.coming and self.coming[0][0] <= self.clock.now_ns():
+            self.engine.received(heapq.heappop(self.coming)[2], self.clock.now_ns())
+
+    def _transmit(self, frame: bytes) -> None:
+        rng = self.random
+        fault = rng.choice(self.faults) if rng.random() < self.fault_rate else ""
+        if fault == "request lost":
+            return
+        delay_ms = {"late": rng.randrange(40, 90), "very late": rng.randrange(90, 400)}.get(fault, rng.randrange(1, 20))
+        self.reads_at_ns = max(self.free_ns, self.clock.now_ns()) + delay_ms * MILLISECOND // 2
+        self.free_ns = self.reads_at_ns + delay_ms * MILLISECOND // 2
+        answer = self.responder.feed(frame)
+        if fault != "lost":
+            for piece in self._spoil(answer, fault):
+                self.order += 1
+                heapq.heappush(self.coming, (self.free_ns, self.order, piece))
+                self.free_ns += rng.randrange(0, 2) * MILLISECOND
+
+    def _spoil(self, answer: bytes, fault: str) -> list[bytes]:
+        rng = self.random
+        place = rng.randrange(0, len(answer))
+        if fault == "cut":
+            return [answer[:place]]
+        if fault == "corrupt":
+            return [answer[:place] + bytes((answer[place] ^ 1 << rng.randrange(8),)) + answer[place + 1 :]]
+        if fault == "noise before":
+            return [rng.randbytes(rng.randrange(1, 12)), answer]
+        if fault == "noise after":
+            return [answer, rng.randbytes(rng.randrange(1, 12))]
+        if fault == "twice":
+            return [answer, answer]
+        if fault == "split":
+            return [answer[:place], answer[place:]]
+        return [answer]
+
+
+def faults_of(seed: int, wire: str, exchanges: int = 12) -> list[str]:
+    """Run one history and say what in it broke a law; empty when all is well."""
+    history = History(seed, wire)
+    outcomes = history.run(exchanges)
+    said = []
+    for outcome in outcomes:
+        if not outcome.is_true:
+            said.append(f"{wire} seed {seed}: {outcome.request} got {outcome.reply}")
+        if outcome.ended_ns - outcome.asked_ns > 6 * TIMEOUT_NS:
+            said.append(f"{wire} seed {seed}: {outcome.request} took {(outcome.ended_ns - outcome.asked_ns) / 1e6} ms")
+        if outcome.error is not None and not isinstance(outcome.error, AhGatewayError):
+            said.append(f"{wire} seed {seed}: {outcome.error!r}")
+    if outcomes[-1].reply is None:
+        said.append(f"{wire} seed {seed}: the line is sound and the link has not come back")
+    return said
