@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import platform
+from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
 from types import TracebackType
@@ -52,6 +53,7 @@ class Tape:
         meta = {**versions(), "profile": profile_text, "command": command, "target": station.target}
         self.recorder = Recorder(Path(path), station, clock, meta, rolling=rolling)
         self._texts: dict[tuple[Any, ...], str] = {}
+        self._wholes: Counter[str] = Counter()
 
     def __enter__(self) -> Tape:
         self.recorder.start()
@@ -95,7 +97,9 @@ class Tape:
         if event.verdict is Verdict.DIVERGED:
             whole = as_json(report)
             assert whole is not None
-            self.recorder.event(report.utc_ns, report.loop, report.tick, "execution", whole)
+            self._wholes[report.loop] += 1
+            if self._wholes[report.loop] <= WHOLE_MAX:
+                self.recorder.event(report.utc_ns, report.loop, report.tick, "execution", whole)
             self.recorder.verdict(report.loop, report.tick, verdict_text(whole))
             return
         # Nearly all executions say the same, so the text is made once.
@@ -122,11 +126,15 @@ def row_of(loop: str, picture: Picture) -> Row:
 
 
 def verdict_text(found: Mapping[str, Any]) -> str:
-    """Return an execution's JSON object without time, place and terms: what replay must find again."""
-    return json.dumps({name: value for name, value in found.items() if name not in _OWN}, ensure_ascii=False)
+    """Return what replay must find again of an execution's JSON object, as text."""
+    return json.dumps({name: found[name] for name in KEPT}, ensure_ascii=False)
 
 
-_OWN = frozenset({"t", "loop", "tick", "kind", "terms"})
+KEPT = ("verdict", "proof", "class", "count", "reason", "term", "plc", "ref", "plc_bits", "ref_bits", "cause")
+"""Keys of a verdict that are recorded; the terms come back with the replay."""
+
+WHOLE_MAX = 100
+"""So many diverged executions of a loop are kept with terms and every cause; a fault that stays fills no disk."""
 
 
 def versions() -> dict[str, str]:

@@ -27,7 +27,7 @@ from ahgateway.errors import StateError
 from ahgateway.lockstep.follow import Follower
 from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.picture import Picture
-from ahgateway.recording.reader import Recording, Row
+from ahgateway.recording.reader import Event, Recording, Row
 from ahgateway.recording.station_text import dialect_from, dialect_json
 from ahgateway.transports.base import Link
 
@@ -74,9 +74,11 @@ def judged_again(station: Station, changes: Changes) -> Station:
     """
     loops = []
     for loop in station.loops:
-        named = {**dialect_json(loop.dialect), **changes.dialect}
+        named = {**dialect_json(loop.controller, loop.dialect), **changes.dialect}
         tolerance = loop.tolerance if changes.tolerance is None else changes.tolerance
-        loops.append(replace(loop, dialect=dialect_from(named, "--dialect"), tolerance=tolerance))
+        loops.append(
+            replace(loop, dialect=dialect_from(loop.controller, named, f"loop {loop.name}"), tolerance=tolerance)
+        )
     return replace(station, loops=tuple(loops))
 
 
@@ -117,16 +119,17 @@ class Replay:
 
     def reports(self) -> Iterator[Report]:
         """Yield what happened, as it was reported then, picture by picture."""
-        ends = sorted(
-            (event for event in self.recording.events("link")), key=lambda event: event.utc_ns
-        )  # the link's own story, told between the pictures
+        told = sorted(self.recording.events("link"), key=lambda event: event.utc_ns)
         at = 0
         for row in self.recording.rows(set(self.followers)):
-            while at < len(ends) and ends[at].utc_ns <= row.utc_ns:
-                found = ends[at].found
-                yield Report(ends[at].utc_ns, "", 0, LinkChange(found["up"], found["cause"]))
+            while at < len(told) and told[at].utc_ns <= row.utc_ns:
+                yield _link_report(told[at])
                 at += 1
             yield from self.see(row)
+        for name, marks in self._lost.items():
+            while marks and name in self.followers:
+                self.followers[name].lost(marks.popleft()[1])
+        yield from map(_link_report, told[at:])
 
     def see(self, row: Row) -> list[Report]:
         """Show one row to its loop's follower and return what follows."""
@@ -261,6 +264,10 @@ def _require(recording: Recording, known: Mapping[str, Loop], name: str) -> None
         f"{recording.path}: has no loop `{name}`, it has {', '.join(known)}",
         hint=f"did you mean `{near[0]}`?" if near else None,
     )
+
+
+def _link_report(event: Event) -> Report:
+    return Report(event.utc_ns, "", 0, LinkChange(event.found["up"], event.found["cause"]))
 
 
 def _lost_marks(recording: Recording) -> defaultdict[str, deque[tuple[int, float]]]:

@@ -29,6 +29,15 @@ class Row(NamedTuple):
 COMMANDS: dict[str, Row] = {
     "demo": Row("demo:demo", "See the whole thing work, without a PLC, in about 15 seconds."),
     "monitor": Row("monitor:monitor", "Follow every loop of a profile and compare each execution with the reference."),
+    "replay": Row(
+        "replay:replay", "Follow a recording again and list every execution, term by term, PLC beside reference."
+    ),
+    "info": Row("info:info", "Say what a recording holds: station, loops, time, verdicts, gaps, versions."),
+    "export": Row(
+        "export:export",
+        "Write a recording for other programs: absolute time in UTC, units, operands as the manual spells them.",
+    ),
+    "import": Row("import_:import_", "Make a recording from a CSV trend of another program."),
     "profile": Row("profile:app", "Check, show, describe and start profiles; sends nothing to any PLC."),
     "commission": Row(
         "commission:commission",

@@ -63,7 +63,7 @@ def loop_rows(station: Station) -> list[tuple[Any, ...]]:
             number,
             loop.name,
             loop.controller.name,
-            json.dumps(dialect_json(loop.dialect)),
+            json.dumps(dialect_json(loop.controller, loop.dialect), default=float),
             loop.pv_unit,
             loop.mv_unit,
             json.dumps(columns(loop)),

@@ -240,7 +240,10 @@ class Recording:
 
     def _each(self, statement: str, *arguments: Any) -> Iterator[Any]:
         try:
-            yield from self._base.execute(statement, arguments)
+            # Not `yield from`: a reader that stops early may be collected after the file was closed.
+            cursor = self._base.execute(statement, arguments)
+            while (row := cursor.fetchone()) is not None:
+                yield row
         except sqlite3.Error as error:
             raise CodecError(
                 f"{self.path}: cannot be read: {error}", hint="`ahgateway info --check` says more"

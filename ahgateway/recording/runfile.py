@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from ahgateway.codec.station import Station
+from ahgateway.codec.station import Loop, Station
 from ahgateway.errors import StateError
 from ahgateway.recording import layout
 from ahgateway.recording.packing import Entry, pack, pack_frames, pack_verdicts
@@ -75,6 +75,11 @@ class RunFile:
             self._begin(dict(meta))
         except sqlite3.Error as error:
             raise StateError(f"{path}: cannot be made: {error}", hint="is the directory there and writable?") from error
+
+    @property
+    def loops(self) -> tuple[Loop, ...]:
+        """The loops in it by their numbers."""
+        return self._station.loops
 
     @property
     def size(self) -> int:

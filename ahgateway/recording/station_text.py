@@ -6,13 +6,14 @@ profiles have changed, so it names every field by itself.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from difflib import get_close_matches
 from typing import Any
 
 from ahgateway.codec.access import Table
 from ahgateway.codec.devices import DeviceMap, DeviceRange, parse_device
 from ahgateway.codec.station import Binding, Const, Loop, Pacing, Station, Tolerance
-from ahgateway.core.controllers import CONTROLLERS
-from ahgateway.core.dialect import AXES, Dialect
+from ahgateway.core.controllers import CONTROLLERS, Controller
 from ahgateway.errors import CodecError
 
 Json = dict[str, Any]
@@ -64,12 +65,15 @@ def station_from(text: Json) -> Station:
     )
 
 
-def dialect_json(dialect: Dialect) -> dict[str, str]:
-    """Return the value of every axis by its name in a profile."""
-    return {axis: values(getattr(dialect, axis)).name.lower() for axis, values in AXES.items()}
+def dialect_json(controller: Controller, dialect: Any) -> dict[str, Any]:
+    """Return the value of every axis by its name in a profile; axes that are numbers as numbers."""
+    found: dict[str, Any] = {
+        axis: values(getattr(dialect, axis)).name.lower() for axis, values in controller.axes.items()
+    }
+    return found | {axis: getattr(dialect, axis) for axis in controller.numbers}
 
 
-def dialect_from(text: dict[str, str], where: str) -> Dialect:
+def dialect_from(controller: Controller, text: Mapping[str, Any], where: str) -> Any:
     """Return the dialect; axes that are not named have their defaults.
 
     Raises:
@@ -77,13 +81,23 @@ def dialect_from(text: dict[str, str], where: str) -> Dialect:
     """
     chosen: dict[str, Any] = {}
     for axis, value in text.items():
-        if axis not in AXES:
-            raise CodecError(f"{where}: unknown dialect axis `{axis}`, known are {', '.join(AXES)}")
-        allowed = {member.name.lower(): member for member in AXES[axis]}
+        if axis in controller.numbers:
+            chosen[axis] = type(getattr(controller.dialect, axis))(value)
+            continue
+        values = controller.axes.get(axis)
+        if values is None:
+            known = [*controller.axes, *controller.numbers]
+            raise CodecError(f"{where}: unknown dialect axis `{axis}`", hint=_nearest(axis, known))
+        allowed = {member.name.lower(): member for member in values}
         if value not in allowed:
             raise CodecError(f"{where}: {axis} = `{value}` is not known, allowed are {', '.join(allowed)}")
         chosen[axis] = allowed[value]
-    return Dialect(**chosen)
+    return controller.dialect._replace(**chosen)
+
+
+def _nearest(name: str, known: list[str]) -> str:
+    near = get_close_matches(name, known, 1, 0.5)
+    return f"did you mean `{near[0]}`?" if near else f"known are {', '.join(known)}"
 
 
 def _range_json(row: DeviceRange) -> Json:
@@ -100,7 +114,7 @@ def _loop_json(loop: Loop) -> Json:
         "instruction": loop.controller.name,
         "bindings": {name: _binding_json(binding) for name, binding in loop.bindings.items()},
         "en": str(loop.en) if loop.en else None,
-        "dialect": dialect_json(loop.dialect),
+        "dialect": dialect_json(loop.controller, loop.dialect),
         "ulp_max": loop.tolerance.ulp_max,
         "mv_tolerance": loop.tolerance.mv_max,
         "pv_range": loop.pv_range,
@@ -125,7 +139,7 @@ def _loop_from(row: Json) -> Loop:
             for operand, binding in row["bindings"].items()
         },
         en=parse_device(row["en"]) if row["en"] else None,
-        dialect=dialect_from(row["dialect"], f"loop {name}"),
+        dialect=dialect_from(CONTROLLERS[row["instruction"]], row["dialect"], f"loop {name}"),
         tolerance=Tolerance(row["ulp_max"], row["mv_tolerance"]),
         pv_range=_pair(row["pv_range"]),
         mv_range=_pair(row["mv_range"]),

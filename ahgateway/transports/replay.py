@@ -44,18 +44,25 @@ class RecordedClock:
 
 
 class ReplayLink:
-    """Answers reads from a recording, at the time of the clock; a `Link`."""
+    """Answers reads from a recording as the PLC's memory stood then; a `Link`.
 
-    def __init__(self, recording: Recording, clock: Clock) -> None:
+    The recording begins when the link is made and runs `speed` times as fast as the clock. Times in replies are those
+    of the clock, so that whoever reads sees memory that is `now`.
+    """
+
+    def __init__(self, recording: Recording, clock: Clock, speed: float = 1.0) -> None:
         self.target = f"replay://{recording.path}"
         self.figures = LinkFigures()
         self._recording = recording
         self._clock = clock
+        self._begun_ns = clock.now_ns()
         self._cells: dict[Table, dict[int, int]] = {table: {} for table in Table}
         self._rows: Iterator[Row] = recording.rows()
         self._next: Row | None = next(self._rows, None)
         self._newest: Row | None = None
         self._is_closed = False
+        first_ns = self._next.last_ns if self._next is not None else 0
+        self._recorded = RecordedClock(clock, first_ns, 0, speed)
 
     async def exchange(self, request: Request) -> Reply:
         """Answer one read from the newest picture.
@@ -70,8 +77,7 @@ class ReplayLink:
         if not isinstance(request, Read):
             self.figures.refused += 1
             raise PlcRefusedError(f"{self.target}: a recording takes no writes", code=ILLEGAL_FUNCTION)
-        now_ns = self._clock.now_ns()
-        self._advance(now_ns)
+        self._advance(self._recorded.now_ns())
         cells = self._cells[request.table]
         wanted = range(request.address, request.address + request.count)
         missing = [address for address in wanted if address not in cells]
@@ -80,11 +86,11 @@ class ReplayLink:
             raise PlcRefusedError(
                 f"{self.target}: {request.table.value} {missing[0]:#06x} was not recorded", code=ILLEGAL_ADDRESS
             )
-        assert self._newest is not None
         self.figures.replies += 1
+        now_ns = self._clock.now_ns()
         # What was read in vain to fill a gap stands in no operand; nobody looks at it.
         values = tuple(cells.get(address, 0) for address in wanted)
-        return Reply(request, values, now_ns, now_ns, now_ns, self._newest.aligned_since_ns)
+        return Reply(request, values, now_ns, now_ns, now_ns, self._begun_ns)
 
     async def close(self) -> None:
         """Release the recording. May be called twice."""

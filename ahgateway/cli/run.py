@@ -1,0 +1,54 @@
+"""From a station to a monitor and its clock: live, or out of a recording when the target is `replay://FILE`."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import AsyncIterator
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ahgateway.apps.monitor import Monitor
+    from ahgateway.clock import Clock
+    from ahgateway.codec.station import Station
+    from ahgateway.recording.reader import Recording
+    from ahgateway.transports.base import Tap
+
+
+@contextlib.asynccontextmanager
+async def followed(station: Station, tap: Tap | None = None) -> AsyncIterator[tuple[Monitor, Clock]]:
+    """Yield a monitor of the station's loops and the clock that it lives by.
+
+    Raises:
+        ProfileError: The target is no legal URI.
+        StateError: There is no such recording, or it lacks one of the loops.
+    """
+    from ahgateway.apps.monitor import Monitor
+    from ahgateway.cli.targets import open_target
+    from ahgateway.clock import WallClock
+    from ahgateway.transports.uri import parse_uri
+
+    target = parse_uri(station.target)
+    if target.scheme != "replay":
+        wall = WallClock()
+        async with open_target(station, wall, tap) as link:
+            yield Monitor(station, link, wall), wall
+        return
+    from ahgateway.apps.replay import Replay, ReplayMonitor
+    from ahgateway.recording.reader import Recording
+    from ahgateway.transports.replay import ReplayLink
+
+    with Recording(target.path) as recording:
+        clock = recorded_clock(recording, float(target.options["speed"]) if "speed" in target.options else None)
+        yield ReplayMonitor(Replay(recording, station), ReplayLink(recording, clock), clock), clock
+
+
+def recorded_clock(recording: Recording, speed: float | None) -> Clock:
+    """Return a clock that starts with the recording; without a speed it jumps to whatever comes next."""
+    from ahgateway.clock import VirtualClock, WallClock
+    from ahgateway.transports.replay import RecordedClock
+
+    first = next(recording.rows(), None)
+    start_ns, utc_ns = (first.sent_ns, first.utc_ns - (first.last_ns - first.sent_ns)) if first else (0, 0)
+    if speed is None:
+        return VirtualClock(start_ns, utc_ns)
+    return RecordedClock(WallClock(), start_ns, utc_ns, speed)
