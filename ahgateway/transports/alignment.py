@@ -9,10 +9,11 @@ a count that no ghost has, so that its reply can be mistaken for none of theirs.
 it was asked and the line is first in, first out: once the probe's reply is here, every ghost has come or will
 never come. An exception carries no count and proves nothing while a ghost of the same function is out. A probe that
 stays unanswered is a ghost itself. After (re)connecting, or when a whole stray frame was heard, every unit is
-proven anew. What this cannot see: a duplicate that some device holds back and sends exactly in the place of a later
-reply of the same shape.
+proven anew. What this cannot see: a second copy of a reply, held back longer than the pause between requests,
+exactly in the place of a later reply of the same shape.
 
-Source: ASSUMED a unit answers in order, each request at most once; ASSUMED no reply is later than `HORIZON_TIMEOUTS`.
+Source: ASSUMED a unit answers in order; ASSUMED a second copy follows the first within the pause;
+ASSUMED no reply is later than `HORIZON_TIMEOUTS`.
 """
 
 from __future__ import annotations

@@ -81,7 +81,8 @@ class SerialLink:
         self.figures = LinkFigures()
         self._line, self._clock = line, clock
         self._timeout_ns = pacing.reply_timeout_ms * MILLISECOND
-        gap_ns = line.gap_ns + GAP_MARGIN_NS if scheme == "modbus+rtu" else 0
+        # ASCII needs no gap; one character's time shows whether a second frame follows the first.
+        gap_ns = line.gap_ns + GAP_MARGIN_NS if scheme == "modbus+rtu" else line.byte_ns
         limits = Limits(
             timeout_ns=self._timeout_ns,
             pause_ns=max(gap_ns, pacing.pause_between_requests_ms * MILLISECOND),

@@ -28,6 +28,8 @@ BACKOFF_MIN_NS = 100 * MILLISECOND
 BACKOFF_MAX_NS = 5 * SECOND
 KEEPALIVE_IDLE_S = 30
 """MANUAL AH10SCM, Modbus settings: keep-alive of 30 s is the default there; the CPU port's value is not known."""
+CONVERTER_PAUSE_NS = 2 * MILLISECOND
+"""Behind a reply on a connection without transaction numbers: a second copy shows itself before the next request."""
 BUFFER_SIZE = 8192
 
 
@@ -124,14 +126,15 @@ class TcpLink:
         self.figures = LinkFigures()
         self._host, self._port, self._clock = host, port, clock
         self._timeout_ns = pacing.reply_timeout_ms * MILLISECOND
+        wire = framing()
         limits = Limits(
             timeout_ns=self._timeout_ns,
             window=pacing.requests_in_flight_max,
-            pause_ns=pacing.pause_between_requests_ms * MILLISECOND,
+            pause_ns=max(pacing.pause_between_requests_ms * MILLISECOND, 0 if wire.identifies else CONVERTER_PAUSE_NS),
             pause_after_connect_ns=pacing.pause_after_connect_ms * MILLISECOND,
             quiet_ns=quiet_ns,
         )
-        self._engine = Engine(framing(), limits, clock, self.figures, self.target, tap)
+        self._engine = Engine(wire, limits, clock, self.figures, self.target, tap)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._wire: _Wire | None = None
         self._transport: asyncio.Transport | None = None
