@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 from collections import deque
 from typing import TYPE_CHECKING, Annotated
@@ -11,6 +12,9 @@ import typer
 from ahgateway.cli.view import Output, View
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ahgateway.apps.board import Board
     from ahgateway.codec.station import Station
     from ahgateway.transports.base import Frame
 
@@ -29,6 +33,12 @@ def monitor(
         float, typer.Option(help="Smallest share of executions proven by bits for exit code 0.", min=0.0, max=1.0)
     ] = 0.0,
     plain: Annotated[bool, typer.Option("--plain", help="Lines instead of the screen, in a terminal too.")] = False,
+    metrics: Annotated[
+        int | None,
+        typer.Option(
+            metavar="PORT", help="Serve Prometheus metrics on 127.0.0.1; 0 takes a free port.", min=0, max=65535
+        ),
+    ] = None,
 ) -> None:
     """Follow every loop of a profile and compare each execution with the reference.
 
@@ -44,14 +54,18 @@ def monitor(
     from ahgateway.schema.profile import load
 
     station = resolved(load(profile).station(), target)
-    raise typer.Exit(asyncio.run(_monitor(station, duration, output, coverage, plain=plain)))
+    raise typer.Exit(asyncio.run(_monitor(station, duration, output, coverage, plain=plain, metrics=metrics)))
 
 
 async def _monitor(
-    station: Station, duration_s: float | None, output: Output, coverage_min: float, *, plain: bool
+    station: Station,
+    duration_s: float | None,
+    output: Output,
+    coverage_min: float,
+    *,
+    plain: bool,
+    metrics: int | None,
 ) -> int:
-    from contextlib import AsyncExitStack
-
     from ahgateway.apps.board import Board
     from ahgateway.apps.monitor import Monitor
     from ahgateway.cli.interrupt import stop_event
@@ -62,14 +76,19 @@ async def _monitor(
     duration_ns = None if duration_s is None else round(duration_s * SECOND)
     has_screen = output is Output.TEXT and not plain and sys.stdout.isatty() and sys.stdin.isatty()
     frames: deque[Frame] = deque(maxlen=FRAMES_MAX)
-    async with open_target(station, clock, frames.append if has_screen else None) as link, AsyncExitStack() as stack:
+    async with (
+        open_target(station, clock, frames.append if has_screen else None) as link,
+        contextlib.AsyncExitStack() as stack,
+    ):
         watched = Monitor(station, link, clock)
-        board = Board(watched, clock, frames) if has_screen else None
+        board = Board(watched, clock, frames) if has_screen or metrics is not None else None
         stop = stack.enter_context(stop_event())
         view = stack.enter_context(
             View(watched, clock, output, coverage_min, station.name, is_table=False, has_screen=has_screen)
         )
-        if board is not None:
+        if board is not None and metrics is not None:
+            stack.enter_context(_metrics(board, metrics))
+        if board is not None and has_screen:
             from ahgateway.tui.app import MonitorApp, shown
 
             await stack.enter_async_context(shown(MonitorApp(board, station.name), stop))
@@ -78,3 +97,18 @@ async def _monitor(
                 board.take(report)
             view.show(report)
     return int(watched.outcome(coverage_min))
+
+
+@contextlib.contextmanager
+def _metrics(board: Board, port: int) -> Iterator[None]:
+    from ahgateway.errors import StateError
+
+    try:
+        from ahgateway.apps.metrics import HOST, served
+    except ModuleNotFoundError as error:
+        raise StateError(
+            f"`--metrics` needs `{error.name}`, which is not installed", hint="pip install 'ahgateway[metrics]'"
+        ) from error
+    with served(board, port) as found:
+        typer.echo(f"metrics at http://{HOST}:{found}/metrics", err=True)
+        yield
