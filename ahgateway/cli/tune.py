@@ -1,4 +1,4 @@
-"""`ahgateway tune`: a model and gains from a recorded trace; sends nothing to any PLC."""
+"""`ahgateway tune`: a model and gains from a recorded trace, or from an experiment on a live loop."""
 
 from __future__ import annotations
 
@@ -15,8 +15,21 @@ if TYPE_CHECKING:
 
 
 def tune(
-    source: Annotated[Path, typer.Argument(help="CSV file with time, SV, PV, MV, or a recording.")],
-    loop: Annotated[str | None, typer.Option(help="Loop of a recording with several.")] = None,
+    source: Annotated[Path, typer.Argument(help="CSV file with time, SV, PV, MV; a recording; or a profile.")],
+    loop: Annotated[str | None, typer.Option(help="Loop of a recording or profile with several.")] = None,
+    experiment: Annotated[
+        str | None, typer.Option(help="With a profile: step, doublet or relay of MOUT, or sv, a step of SV.")
+    ] = None,
+    arm: Annotated[str | None, typer.Option(metavar="LOOP", help="Arm this loop: without it nothing is sent.")] = None,
+    size: Annotated[float | None, typer.Option(help="Size of the step; sized from noise and range otherwise.")] = None,
+    hold: Annotated[float | None, typer.Option(help="Seconds to hold each step; until PV settles otherwise.")] = None,
+    pv_bounds: Annotated[tuple[float, float] | None, typer.Option(help="PV never leaves these; else aborted.")] = None,
+    mv_bounds: Annotated[tuple[float, float] | None, typer.Option(help="MV never leaves these; else aborted.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Largest change of PV per second; else aborted.")] = None,
+    seconds: Annotated[float, typer.Option(help="Longest time of the whole experiment.", min=1.0)] = 600.0,
+    save: Annotated[Path | None, typer.Option(help="Write the experiment's trace as CSV.")] = None,
+    target: Annotated[str | None, typer.Option(help="Link to use instead of the profile's.")] = None,
+    directory: Annotated[Path | None, typer.Option(help="Where journals and leases stand.")] = None,
     instruction: Annotated[
         str | None, typer.Option(help="DPID or DPIDE, for a CSV file; a recording knows it. Default DPIDE.")
     ] = None,
@@ -33,10 +46,14 @@ def tune(
 ) -> None:
     """Find a loop's process in a recorded trace and propose gains in the loop's own form.
 
-    Works without a PLC and writes nothing to one. Exit code 0 when proposals were made, 3 when the data were refused:
-    too noisy, not excited, saturated, drifting, or a valve that sticks; each with its number.
+    With a CSV file or a recording it works without a PLC. With a profile, --experiment and --arm LOOP it moves MOUT or
+    SV through the write gate inside bounds, and puts everything back at the end, at an abort and at Ctrl-C. The gains
+    themselves are never written here. Exit code 0 when proposals were made, 3 when the data were refused: too noisy,
+    not excited, saturated, drifting, or a valve that sticks; each with its number.
 
     Example: ahgateway tune step.csv --instruction DPIDE --set CYCLE=200 --set PID_EQ=TRUE --report step.html
+
+    Example: ahgateway tune demo --experiment doublet --arm TIC-101 --pv-bounds 60 100
     """
     from ahgateway.apps.tune import as_json, as_text
     from ahgateway.apps.tune import tune as tuned
@@ -47,7 +64,13 @@ def tune(
     kinds = {kind.value: kind for kind in Kind}
     if model is not None and model.upper() not in kinds:
         raise ProfileError(f"`{model}` is no model, known are {', '.join(kinds)}", key="--model")
-    record, name, known = _source(source, loop, instruction, pairs(columns, "--map"))
+    if experiment is not None:
+        from ahgateway.cli.tune_live import Asked, excited
+
+        asked = Asked(str(source), arm, loop, experiment, size, hold, pv_bounds, mv_bounds, rate, seconds, target, save)
+        record, name, known = excited(asked, directory)
+    else:
+        record, name, known = _source(source, loop, instruction, pairs(columns, "--map"))
     typed = typed_settings(pairs(settings, "--set"))
     kind = kinds[model.upper()] if model else None
     result = tuned(record, name, known | typed, dial=dial, kind=kind)
@@ -77,7 +100,7 @@ def _source(
     from ahgateway.errors import ProfileError
 
     if not path.is_file():
-        raise ProfileError("is no file", file=str(path))
+        raise ProfileError("is no file", file=str(path), hint="a profile needs --experiment")
     if is_recording(path):
         record, name, settings = read_recording(path, loop)
         return record, name, settings
