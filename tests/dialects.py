@@ -43,7 +43,7 @@ def start(controller: Controller, chance: random.Random) -> dict[str, Any]:
 
 def changes(controller: Controller, chance: random.Random, inputs: Any) -> dict[str, Any]:
     """One thing that an operator does, or nothing."""
-    if chance.random() < 0.75:
+    if chance.random() < 0.92:
         return {}
     kind = chance.randrange(10)
     if kind < 3:
@@ -75,6 +75,8 @@ def excited(controller: Controller, seed: int, executions: int) -> Iterator[Any]
             inputs = inputs._replace(pid_man=False)
         if not inputs.pid_run and chance.random() < 0.4:
             inputs = inputs._replace(pid_run=True)
+        if inputs.err_dbw != 0 and chance.random() < 0.05:
+            inputs = inputs._replace(err_dbw=REAL(0))
         pv += (float(inputs.sv) - pv) * chance.uniform(0.0, 0.4) + chance.gauss(0, 1.5)
         inputs = inputs._replace(pv=REAL(round(pv * 10) / 10))
         yield inputs

@@ -229,7 +229,8 @@ def explain(
                 predictions.add(tuple(bits(high[name]) for name in names))
                 fit = Fit(inputs, bound, after, low_terms, open_terms(low_terms, high_terms), ts)
                 if not same_words(names, low, high):
-                    fitting.extend(_narrowed(loop, inputs, bound, seen, names, ts))
+                    if not _is_excluded(names, low, high, seen):
+                        fitting.extend(_narrowed(loop, inputs, bound, seen, names, ts))
                 elif same_words(names, low, seen):
                     fitting.append(fit)
                 distance = _distance(names, low, seen)
@@ -239,6 +240,13 @@ def explain(
             fits.extend(fitting)
             is_decided = is_decided or _is_told(by_interval, fitting)
     return Explanation(tuple(fits), is_decided, nearest[1] if nearest else None)
+
+
+def _is_excluded(
+    names: Iterable[str], low: Mapping[str, REAL], high: Mapping[str, REAL], seen: Mapping[str, REAL]
+) -> bool:
+    """A word that both ends predict alike is that of every state between them; it is not what was seen."""
+    return any(same_bits(low[name], high[name]) and not same_bits(low[name], seen[name]) for name in names)
 
 
 def _is_told(by_interval: Mapping[int, set[tuple[int, ...]]], fitting: list[Fit]) -> bool:
@@ -313,8 +321,11 @@ def _first(low: int, high: int, holds: Callable[[int], bool]) -> int:
 
 def _side(loop: Loop, inputs: Any, state: Any, seen: Mapping[str, REAL], names: tuple[str, ...], ts: REAL) -> int:
     """Tell whether this state's prediction lies below (-1), on (0) or above (1) what was seen."""
-    after, terms, _ = stepped(loop, inputs, Bound(state, state), ts)
-    words = predicted(loop.controller, after.low, terms)
+    with quiet(all="ignore"):
+        after, terms = loop.controller.step(inputs, state, loop.dialect, ts)
+    if not same_bits(after.mv, seen["MV"]):
+        return -1 if after.mv < seen["MV"] else 1
+    words = predicted(loop.controller, after, terms)
     if same_words(names, words, seen):
         return 0
     if not same_bits(words["MV"], seen["MV"]):

@@ -1,0 +1,315 @@
+"""A first, quick pass over a trace: which combinations of the integral's and the derivative's axes can be true at all.
+
+Only plain executions count here: automatic, nothing changed, between the limits, no dead band. On them I_MV alone
+decides the integral's axes, and MV less P, I and BIAS bounds D. All of them are computed at once, with the law's own
+functions on arrays. The pass is lenient, it only saves work: `identify` judges what is left by every bit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from itertools import product
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ahgateway.codec.station import Loop
+from ahgateway.core.controllers import delta_terms as terms_of
+from ahgateway.core.dialect import AXES, Dialect, Filter, IntegralStore, TsSource, TsUnit
+from ahgateway.core.real import REAL, quiet, same_bits
+from ahgateway.lockstep.picture import Picture
+from ahgateway.lockstep.shadow import changed_inputs, judged_names
+
+Pair = tuple[Picture, Picture]
+Reals = npt.NDArray[np.float32]
+
+FIRST = 6
+"""So many executions are tried first; most combinations fall there."""
+
+FINE_CLOCK = 1024
+"""A clock with more ticks around CYCLE than this is tried on a dozen executions only."""
+
+MOST = 160
+PLAIN_MIN = 4
+"""With fewer plain executions nothing is thinned."""
+
+SHARE_MIN = 0.85
+"""A combination that explains less of the plain executions is out; a corner of the law may spoil a few."""
+
+
+@dataclass(frozen=True)
+class Plain:
+    """Plain executions as columns, n each; REALs but for the flags."""
+
+    er: Reals
+    er1: Reals
+    moved: Reals
+    i0: Reals
+    i1: Reals
+    mv: Reals
+    kc: Reals
+    k: Reals
+    kd: Reals
+    tf: Reals
+    bias: Reals
+    dependent: npt.NDArray[np.bool_]
+    of_pv: npt.NDArray[np.bool_]
+    inputs: tuple[Any, ...]
+    d_before: npt.NDArray[np.bool_]
+
+    def rows(self, chosen: npt.NDArray[Any]) -> Plain:
+        """The executions chosen by index or mask."""
+        index = np.arange(len(self.inputs))[chosen]
+        taken = {f.name: getattr(self, f.name)[index] for f in fields(self) if f.name != "inputs"}
+        return Plain(**taken, inputs=tuple(self.inputs[number] for number in index))
+
+
+def thinned(loop: Loop, pairs: Sequence[Pair]) -> list[dict[str, int]]:
+    """Return the combinations that can be true; a single empty one when the trace has too little that is plain."""
+    plain = _plain(loop, pairs)
+    if plain is None:
+        return [{}]
+    with quiet(all="ignore"):
+        found = _integrals(loop, plain, is_dependent(pairs))
+        if not found:
+            return [{}]
+        return [wider for fixed in found for wider in _derivatives(loop, plain, fixed)]
+
+
+def is_dependent(pairs: Sequence[Pair]) -> bool:
+    """Tell whether any picture of the trace is in the dependent form."""
+    return any(getattr(picture.inputs, "pid_eq", False) for pair in pairs for picture in pair)
+
+
+def _is_plain(loop: Loop, pair: Pair) -> bool:
+    before, after = pair
+    read = after.inputs
+    low, high = sorted((float(read.mv_min), float(read.mv_max)))
+    return (
+        bool(read.pid_run)
+        and not read.pid_man
+        and read.pid_mode != 1
+        and float(read.err_dbw) == 0.0
+        and set(changed_inputs(loop, before, after)) <= {"mout"}
+        and all(low < float(picture.seen["MV"]) < high for picture in pair)
+    )
+
+
+def _plain(loop: Loop, pairs: Sequence[Pair]) -> Plain | None:
+    names = [name for name in judged_names(loop) if name != "MOUT"]
+    if not {"MV", "I_MV"} <= set(names) or loop.controller.law_ts is None:
+        return None
+    recorded = next(word.name for word in loop.controller.seen if word.attr == "pv1")
+    rows: list[tuple[Any, ...]] = []
+    was_plain = was_row = False
+    for number, pair in enumerate(pairs):
+        is_plain = _is_plain(loop, pair)
+        joins = number > 0 and all(same_bits(pairs[number - 1][1].seen[name], pair[0].seen[name]) for name in names)
+        if is_plain and was_plain and joins:
+            rows.append(_row(pairs[number - 1][1].inputs, pair, recorded, was_row))
+            was_row = True
+        else:
+            was_row = False
+        was_plain = is_plain
+        if len(rows) >= MOST:
+            break
+    if len(rows) < PLAIN_MIN:
+        return None
+    columns = list(zip(*rows, strict=True))
+    reals: Any = [np.array(column, dtype=np.float32) for column in columns[:11]]
+    flags: Any = [np.array(columns[number]) for number in (11, 12, 14)]
+    return Plain(*[*reals, *flags[:2], tuple(columns[13]), flags[2]])
+
+
+def _row(last: Any, pair: Pair, recorded: str, was_row: bool) -> tuple[Any, ...]:
+    """One execution; the history is that of the one before, whose operands may have been others."""
+    before, after = pair
+    read, pv, pv1 = after.inputs, after.seen[recorded], before.seen[recorded]
+    er = read.sv - pv if read.pid_dir else pv - read.sv
+    er1 = last.sv - pv1 if last.pid_dir else pv1 - last.sv
+    moved = pv1 - pv if read.pid_dir else pv - pv1
+    extended = hasattr(read, "kc_kp")
+    kc, k, kd = (read.kc_kp, read.ti_ki, read.td_kd) if extended else (read.kp, read.ki, read.kd)
+    tf, bias = (read.tf, read.bias) if extended else (REAL(0), REAL(0))
+    same = all(
+        getattr(last, name) == getattr(read, name)
+        for name in ("kc_kp", "td_kd", "tf", "pid_eq", "pid_de")
+        if hasattr(read, name)
+    )
+    words = (before.seen["I_MV"], after.seen["I_MV"], after.seen["MV"])
+    dependent, of_pv = (bool(read.pid_eq), bool(read.pid_de)) if extended else (False, False)
+    return (er, er1, moved, *words, kc, k, kd, tf, bias, dependent, of_pv, read, was_row and same)
+
+
+def _clocks(source: TsSource) -> Iterator[dict[str, int]]:
+    """Every way to have a Ts from one clock."""
+    for unit, scale in product(TsUnit, (0, 1)):
+        if unit == TsUnit.LEFT_OUT:
+            if source == TsSource.NOMINAL and not scale:
+                yield {"ts_source": int(source), "ts_unit": int(unit)}
+        elif unit == TsUnit.SECONDS:
+            yield {"ts_source": int(source), "ts_unit": int(unit), "ts_scale": scale}
+        elif not scale:
+            yield {"ts_source": int(source), "ts_unit": int(unit)}
+
+
+def _intervals(loop: Loop, plain: Plain, dialect: Dialect) -> Reals:
+    """Every Ts that each execution can have had: n by 1, or n by the ticks around CYCLE."""
+    controller = loop.controller
+    per_second = terms_of.ticks_per_second(dialect)
+    cache: dict[int, list[REAL]] = {}
+    found = []
+    for read in plain.inputs:
+        if read.cycle not in cache:
+            if not per_second:
+                cache[read.cycle] = [controller.ts(read, dialect)]
+            else:
+                nominal = round(float(controller.nominal_ts(read)) * per_second)
+                slack = max(1, -(-loop.scan_ms_max * per_second // 1000))
+                counts = range(max(1, nominal - slack), max(1, nominal - slack) + 2 * slack + 1)
+                cache[read.cycle] = [controller.ts(read, dialect, ticks) for ticks in counts]
+        found.append(cache[read.cycle])
+    return np.array(found, dtype=np.float32)
+
+
+def _integrals(loop: Loop, plain: Plain, has_kc: bool) -> list[dict[str, int]]:
+    """Combinations of the integral's axes that reproduce I_MV, with the coarsest clock that does.
+
+    A finer clock explains whatever a coarser one explains, so that it counts only where that fails.
+    """
+    integrating = plain.rows((plain.k > 0) & ((plain.kc > 0) | ~plain.dependent))
+    if len(integrating.inputs) < PLAIN_MIN:
+        return []
+    for source in TsSource:
+        found = [fixed for clock in _clocks(source) for fixed in _with_clock(loop, integrating, clock, has_kc)]
+        if found:
+            return found
+    return []
+
+
+def _with_clock(loop: Loop, plain: Plain, clock: dict[str, int], has_kc: bool) -> Iterator[dict[str, int]]:
+    first = plain.rows(np.arange(min(FIRST, len(plain.inputs))))
+    spans = _intervals(loop, first, _made(clock))
+    rest = plain if spans.shape[1] <= FINE_CLOCK else plain.rows(np.arange(min(2 * FIRST, len(plain.inputs))))
+    all_spans: Reals | None = None
+    for combination in _rules(bool(plain.dependent.any()), has_kc):
+        if clock["ts_unit"] == TsUnit.LEFT_OUT and combination.get("product"):
+            continue
+        fixed = {**clock, **combination}
+        if _share(first, _made(fixed), spans) < SHARE_MIN - 1.0 / FIRST:
+            continue
+        if all_spans is None:
+            all_spans = _intervals(loop, rest, _made(clock))
+        if _share(rest, _made(fixed), all_spans) >= SHARE_MIN:
+            yield fixed
+
+
+def _rules(has_ratio: bool, has_kc: bool) -> Iterator[dict[str, int]]:
+    """Every way to integrate; without Kc is the same as with it while nothing is in the dependent form."""
+    names = ["direction", "integrator", "integral_store", "product"] + (["ratio"] if has_ratio else [])
+    for values in product(*(AXES[name] for name in names)):
+        fixed = {name: int(value) for name, value in zip(names, values, strict=True)}
+        if fixed["integral_store"] == IntegralStore.WITHOUT_KC and not has_kc:
+            continue
+        if fixed["integral_store"] == IntegralStore.SUM:
+            if fixed["product"]:
+                continue
+            del fixed["product"]
+        yield fixed
+
+
+def _made(fixed: dict[str, int]) -> Dialect:
+    chosen: dict[str, Any] = {name: AXES[name](value) for name, value in fixed.items()}
+    return Dialect(**chosen)
+
+
+def _advanced(plain: Plain, dialect: Dialect, spans: Reals) -> Reals:
+    """I_MV behind each execution for each of its intervals."""
+    sign = REAL(-1 if dialect.direction else 1)
+    law: Any = terms_of
+    x = (sign * law.integrated(dialect, plain.er, plain.er1))[:, None]
+    k, kc, i0 = plain.k[:, None], plain.kc[:, None], plain.i0[:, None]
+    free = law.advanced(dialect, False, k, kc, x, spans, i0)[0]
+    if not plain.dependent.any():
+        return np.asarray(free, dtype=np.float32)
+    bound = law.advanced(dialect, True, k, kc, x, spans, i0)[0]
+    return np.asarray(np.where(plain.dependent[:, None], bound, free), dtype=np.float32)
+
+
+def _share(plain: Plain, dialect: Dialect, spans: Reals) -> float:
+    """Share of the executions whose I_MV comes out by bits, with any of their intervals."""
+    same = _advanced(plain, dialect, spans).view(np.uint32) == plain.i1.view(np.uint32)[:, None]
+    return float(same.any(axis=1).mean())
+
+
+def _derivatives(loop: Loop, plain: Plain, fixed: dict[str, int]) -> list[dict[str, int]]:
+    """Widen a combination by the derivative's axes that put MV right within rounding; itself when none does."""
+    chained = plain.rows(plain.d_before)
+    if len(chained.inputs) < PLAIN_MIN or "direction" not in fixed:
+        return [fixed]
+    chained = chained.rows(np.arange(min(40, len(chained.inputs))))
+    extended = hasattr(plain.inputs[0], "kc_kp")
+    axes = ["integral_used"]
+    if not extended and bool((chained.kd > 0).any()):
+        axes.append("derivative_of")
+    smoothed = extended and bool(((chained.kd > 0) & (chained.tf > 0)).all())
+    if smoothed:
+        axes.append("filter")
+        if bool(chained.dependent.any()):
+            axes.append("tf_unit")
+    found = []
+    for values in product(*(AXES[name] for name in axes)):
+        wider = {**fixed, **{name: int(value) for name, value in zip(axes, values, strict=True)}}
+        if wider.get("filter") == Filter.IGNORED and wider.get("tf_unit"):
+            continue
+        if _fits_mv(loop, plain, chained, _made(wider), smoothed) >= SHARE_MIN:
+            if wider.get("filter") == Filter.IGNORED:
+                wider.pop("tf_unit", None)
+            found.append(wider)
+    return found or [fixed]
+
+
+def _left_for_d(plain: Plain, dialect: Dialect) -> npt.NDArray[np.float64]:
+    """What MV leaves for D."""
+    k, kc = plain.k, plain.kc
+    used = plain.i0 if dialect.integral_used else plain.i1
+    law: Any = terms_of
+    free, bound = law.term(dialect, False, k, kc, used), law.term(dialect, True, k, kc, used)
+    integral = np.where(k > 0, np.where(plain.dependent, bound, free), 0.0)
+    sign = -1.0 if dialect.direction else 1.0
+    wide = np.float64
+    return plain.mv.astype(wide) - sign * kc.astype(wide) * plain.er - integral.astype(wide) - plain.bias
+
+
+def _fits_mv(loop: Loop, plain: Plain, chained: Plain, dialect: Dialect, smoothed: bool) -> float:
+    """Share of the executions whose D is right within the rounding of the sum."""
+    shape = _made({name: int(getattr(dialect, name)) for name in ("filter",)})
+    left = _left_for_d(chained, dialect)
+    before = _left_before(plain, chained, dialect)
+    sign = -1.0 if dialect.direction else 1.0
+    change = sign * np.where(chained.of_pv, chained.moved, chained.er - chained.er1).astype(np.float64)
+    if dialect.derivative_of:
+        change = sign * chained.moved.astype(np.float64)
+    kd = np.where(chained.dependent, chained.kc, REAL(1)).astype(np.float64) * chained.kd
+    tf = np.where(chained.dependent & bool(dialect.tf_unit), chained.tf * chained.kd, chained.tf).astype(np.float64)
+    spans = _intervals(loop, chained, dialect)
+    spans = spans[:, :: max(1, spans.shape[1] // 256)].astype(np.float64)
+    law: Any = terms_of
+    args = (kd[:, None], change[:, None])
+    if smoothed and dialect.filter != Filter.IGNORED:
+        ref = law.filtered(shape, before[:, None], *args, tf[:, None], spans)
+    else:
+        ref = law.slope(shape, *args, spans)
+    size = np.maximum.reduce([abs(chained.mv), abs(chained.i1), abs(chained.kc * chained.er), abs(left)])
+    steep = 1.0 + np.where(tf > 0, spans[:, 0] / np.where(tf > 0, tf, 1.0), 0.0)
+    slack = 64.0 * 2.0**-24 * size * steep + 1e-3 * abs(change) * kd / spans[:, 0] * (spans.shape[1] > 1)
+    return float((abs(ref - left[:, None]).min(axis=1) <= slack).mean())
+
+
+def _left_before(plain: Plain, chained: Plain, dialect: Dialect) -> npt.NDArray[np.float64]:
+    """What MV left for D one execution before; the row before in the trace, by construction."""
+    left = _left_for_d(plain, dialect)
+    index = np.flatnonzero(plain.d_before)[: len(chained.inputs)] - 1
+    return np.asarray(left[index])
