@@ -27,6 +27,8 @@ if TYPE_CHECKING:
     from ahgateway.transports.base import Link
 
 REHEARSAL_WARM_UP_S = 900
+WARM_UP_SCAN_NS, SCAN_NS = 50_000_000, 5_000_000
+"""Nobody looks at the warm-up, so that its scans may be coarse."""
 MARKS = {"pass": "ok  ", "fail": "FAIL", "inconclusive": "?   ", "skipped": "-   "}
 
 
@@ -165,8 +167,9 @@ def _opening(station: Station) -> tuple[Clock, Callable[[Station], Any]]:
 
     clock = VirtualClock(utc_start_ns=wall.utc_ns())
     loaded = load(target.path)
-    plc = FakePlc(loaded.station(), loaded.fake_setup(), clock=clock)
+    plc = FakePlc(loaded.station(), loaded.fake_setup(), clock=clock, scan_ns=WARM_UP_SCAN_NS)
     plc.warm_up(REHEARSAL_WARM_UP_S * SECOND)
+    plc.scan_ns = SCAN_NS
 
     async def rehearsed(variant: Station) -> Link:
         return MemoryLink(plc, clock, latency_ns=2_000_000, pacing=variant.pacing, target=variant.target)

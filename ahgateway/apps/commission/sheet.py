@@ -36,6 +36,7 @@ def sheet_json(progress: Progress, station: Station, loop: Loop, heading: Headin
         "kind": "commissioning sheet",
         "version": __version__,
         "utc_ns": utc_ns,
+        "rehearsal": station.target.startswith("fake://"),
         "verdict": VERDICT[int(exit_for(progress.checks))],
         "station": {"name": station.name, "target": station.target, "unit": station.unit,
                     "device_map": station.devices.name},
@@ -75,7 +76,9 @@ def html(progress: Progress, station: Station, loop: Loop, heading: Heading, utc
     from jinja2 import Environment, StrictUndefined
 
     facts = sheet_json(progress, station, loop, heading, utc_ns)
-    template = Environment(autoescape=True, undefined=StrictUndefined).from_string(TEMPLATE)
+    environment = Environment(autoescape=True, undefined=StrictUndefined)
+    environment.filters["cell"] = _cell
+    template = environment.from_string(TEMPLATE)
     plots = [
         {"title": title, "svg": plot(facts["facts"][key], loop)}
         for key, title in (("trace", "Observation"), ("wiring_trace", "Wiring test"))
@@ -93,6 +96,12 @@ def html(progress: Progress, station: Station, loop: Loop, heading: Heading, utc
     return template.render(
         sheet=facts, when=_when(utc_ns), steps=steps, plots=plots, journal=facts["facts"].get("journal")
     )
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return "—"
+    return str(value).upper() if isinstance(value, bool) else str(value)
 
 
 def _when(utc_ns: int) -> str:
@@ -138,6 +147,8 @@ figure { margin: 2mm 0; break-inside: avoid; } svg { width: 100%; height: auto; 
 </style></head><body>
 <h1>{{ sheet.loop.name }} <small>{{ sheet.loop.instruction }}</small></h1>
 <p class="verdict {{ {'PASS': 'pass', 'FAIL': 'fail'}.get(sheet.verdict, 'inconclusive') }}">{{ sheet.verdict }}</p>
+{% if sheet.rehearsal %}<p class="verdict inconclusive">REHEARSAL on a fake PLC,
+it says nothing about a plant</p>{% endif %}
 <table>
 <tr><th>Station</th><td>{{ sheet.station.name }}</td><th>Target</th><td class="mono">{{ sheet.station.target }},
 unit {{ sheet.station.unit }}</td></tr>
@@ -157,8 +168,8 @@ unit {{ sheet.station.unit }}</td></tr>
 <h2>As found, as left</h2>
 <table><tr><th>Operand</th><th>Device</th><th>As found</th><th>As left</th><th>Unit</th></tr>
 {% for row in sheet.operands %}<tr{% if row.changed %} class="changed"{% endif %}><td>{{ row.operand }}</td>
-<td>{{ row.device }}</td><td class="n">{{ '—' if row.as_found is none else row.as_found }}</td>
-<td class="n">{{ '—' if row.as_left is none else row.as_left }}</td><td>{{ row.unit }}</td></tr>
+<td>{{ row.device }}</td><td class="n">{{ row.as_found|cell }}</td>
+<td class="n">{{ row.as_left|cell }}</td><td>{{ row.unit }}</td></tr>
 {% endfor %}</table>
 <h2>Journal</h2>
 <p class="mono">{% if journal %}{{ journal.file }}<br>last hash {{ journal.hash }}

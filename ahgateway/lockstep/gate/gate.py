@@ -249,7 +249,12 @@ class Gate:
             raise StateError(f"loop {self.loop.name}: nothing was written that could be put back")
         self.state = after(self.state, Event.ABORT)
         self._note("restoring", why=why)
-        restored = await self._put_back(self.session)
+        try:
+            restored = await self._put_back(self.session)
+        except BaseException:
+            # A second Ctrl-C: the journal still says what is open, and the next start puts it back.
+            self._close()
+            raise
         if restored.is_clean:
             self.state = after(self.state, Event.RESTORED)
             self._end("restored")

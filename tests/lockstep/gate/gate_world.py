@@ -54,9 +54,11 @@ class GateWorld(World):
 
     def __init__(self, folder: Path, initial: Mapping[str, Any] | None = None, **changes: Any) -> None:
         loop_changes = {"writes": changes.pop("writes", WRITES), **changes.pop("loop_changes", {})}
-        super().__init__("DPIDE", {**INITIAL, **(initial or {})}, loop_changes=loop_changes, **changes)
+        super().__init__(
+            "DPIDE", {**INITIAL, **(initial or {})}, loop_changes=loop_changes, **{"scan_ms": 10, **changes}
+        )
         self.folder = folder
-        self.clock.advance_ns(40_000_000_000)
+        self.clock.advance_ns(12_000_000_000)
         self.plc.answer(_nothing(self))
         self.plc.writes.clear()
 
