@@ -107,6 +107,7 @@ class CycleAssembler:
     def _tick(self, frame: CanFrame) -> Cycle | None:
         period_ns = self._sync.period_us * MICROSECOND
         counter = frame.data[0] if len(frame.data) == 1 else None
+        missed = 0
         if self._sync_ns is not None:
             interval_ns = frame.now_ns - self._sync_ns
             is_same = counter is not None and counter == self._counter
@@ -115,12 +116,11 @@ class CycleAssembler:
                 return None
             missed = max(0, round(interval_ns / period_ns) - 1)
             self.figures.syncs_missed += missed
-            self._number += missed
             if not missed:
                 self.figures.jitter_ns_max = max(self.figures.jitter_ns_max, abs(interval_ns - period_ns))
         closed = self._close()
         self.figures.syncs += 1
-        self._number += 1
+        self._number += 1 + missed
         self._sync_ns, self._counter = frame.now_ns, counter
         self._taken, self._is_contradicted, self._is_open = {}, False, True
         return closed

@@ -88,7 +88,8 @@ def picture_plan(loop: Loop, station: Station) -> PicturePlan:
     if station.can is not None and not station.is_snapshot:
         own = {row.name for row in loop.controller.operands if row.kind is Kind.BLOCK}
         wanted = [span for name, span in spans.items() if name not in own]
-        return _object_plan(wanted, seen_spans(loop, station.devices), station.can, station)
+        watched = seen_spans(loop, station.devices) + [spans[name] for name in spans if name == block.COUNTER]
+        return _object_plan(wanted, watched, station.can, station)
     limits = station.pacing
     reads = plan(
         spans.values(),

@@ -15,6 +15,9 @@ from ahgateway.codec.can_frame import HEARTBEAT, NMT, SDO_REPLY, SDO_REQUEST, Ca
 from ahgateway.codec.can_sdo import NO_OBJECT, NO_SUB_INDEX, WRITE_OF_READ_ONLY, SdoServer
 from ahgateway.errors import PlcRefusedError
 
+MICROSECOND = 1000
+TICK_NS = 20 * MILLISECOND
+
 
 class State(IntEnum):
     """NMT states as a heartbeat carries them."""
@@ -52,6 +55,7 @@ class CanNode:
         node: Node-ID 1…127.
         content: Its objects and PDOs.
         sync_cob_id: Identifier of SYNC.
+        sync_period_us: Send SYNC ourselves so often, 0 never: somebody else does.
         heartbeat_ms: Period of the heartbeat, 0 for none.
         starts_operational: Go on after boot-up without waiting for an NMT master.
         identity: Vendor-ID, product code, revision, serial number of object 1018h.
@@ -63,6 +67,7 @@ class CanNode:
         content: Content,
         *,
         sync_cob_id: int = 0x80,
+        sync_period_us: int = 0,
         heartbeat_ms: int = 1000,
         starts_operational: bool = True,
         identity: tuple[int, int, int, int] = (0, 0, 0, 0),
@@ -72,6 +77,8 @@ class CanNode:
         self.heartbeat_ms = heartbeat_ms
         self._content = content
         self._sync_cob_id = sync_cob_id
+        self.sync_period_us = sync_period_us
+        self._sync_due_ns = 0
         self._starts_operational = starts_operational
         self._identity = identity
         self._sdo = SdoServer(self._read, self._write)
@@ -85,11 +92,23 @@ class CanNode:
         return [frame]
 
     def tick(self, now_ns: int) -> list[CanFrame]:
-        """Return the heartbeat when it is due."""
-        if not self.heartbeat_ms or now_ns - self._beat_ns < self.heartbeat_ms * MILLISECOND:
-            return []
-        self._beat_ns = now_ns
-        return [CanFrame(HEARTBEAT + self.node, bytes((self.state,)))]
+        """Return what is due: the heartbeat, and SYNC with our own PDOs behind it when we send it."""
+        due: list[CanFrame] = []
+        if self.sync_period_us and self.state is State.OPERATIONAL and now_ns >= self._sync_due_ns:
+            period_ns = self.sync_period_us * MICROSECOND
+            late = self._sync_due_ns and now_ns - self._sync_due_ns < period_ns
+            self._sync_due_ns = (self._sync_due_ns if late else now_ns) + period_ns
+            due += [CanFrame(self._sync_cob_id, b""), *self._content.on_sync(now_ns)]
+        if self.heartbeat_ms and now_ns - self._beat_ns >= self.heartbeat_ms * MILLISECOND:
+            self._beat_ns = now_ns
+            due.append(CanFrame(HEARTBEAT + self.node, bytes((self.state,))))
+        return due
+
+    def wait_ns(self, now_ns: int) -> int:
+        """Return how long until `tick` may have something to send, at most `TICK_NS`."""
+        if not self.sync_period_us:
+            return TICK_NS
+        return min(TICK_NS, max(0, self._sync_due_ns - now_ns))
 
     def feed(self, frame: CanFrame, now_ns: int) -> list[CanFrame]:
         """Take a frame from the bus and return the answers."""

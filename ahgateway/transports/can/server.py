@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import asyncio
 
-from ahgateway.clock import MILLISECOND, Clock
+from ahgateway.clock import Clock
 from ahgateway.codec.can_frame import CanFrame
 from ahgateway.errors import LinkError
 from ahgateway.transports.can.bus import CanBus
 from ahgateway.transports.can.node import CanNode
 from ahgateway.transports.can.reader import Trouble
 
-TICK_NS = 20 * MILLISECOND
 WAITING_MAX = 1024
 
 
@@ -61,7 +60,7 @@ class NodeServer:
 
     async def _beat(self) -> None:
         while True:
-            await self._clock.sleep_ns(TICK_NS)
+            await self._clock.sleep_ns(self._node.wait_ns(self._clock.now_ns()))
             await self._send(self._node.tick(self._clock.now_ns()))
 
     async def _send(self, frames: list[CanFrame]) -> None:
