@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ahgateway.cli.tape import Record, Recorded
 from ahgateway.cli.view import Output, View
 
 if TYPE_CHECKING:
@@ -37,6 +38,7 @@ class Judged:
 
 def demo(
     output: Annotated[Output, typer.Option(help="text for people, json for one object per line.")] = Output.TEXT,
+    record: Record = None,
 ) -> None:
     """See the whole thing work, without a PLC, in about 15 seconds.
 
@@ -48,14 +50,15 @@ def demo(
     """
     import asyncio
 
-    raise typer.Exit(asyncio.run(_demo(output)))
+    raise typer.Exit(asyncio.run(_demo(output, record)))
 
 
-async def _demo(output: Output) -> int:
+async def _demo(output: Output, record: str | None) -> int:
     import asyncio
 
     from ahgateway.apps.monitor import Monitor
     from ahgateway.cli.interrupt import stop_event
+    from ahgateway.cli.tape import recorded
     from ahgateway.cli.targets import open_target
     from ahgateway.clock import SECOND, WallClock
     from ahgateway.fake.plc import FakePlc
@@ -75,10 +78,13 @@ async def _demo(output: Output) -> int:
         station = replace(loaded.station(), target=target)
         async with open_target(station, clock) as link:
             watched = Monitor(station, link, clock)
-            with stop_event() as stop, View(watched, clock, output, 0.0, f"ahgateway demo: {target}") as view:
+            tape = Recorded(record, profile_text=loaded.text)
+            view = View(watched, clock, output, 0.0, f"ahgateway demo: {target}")
+            with stop_event() as stop, view, recorded(tape, station, clock, view.note) as sink:
                 _plant(plc, view)
                 async for report in watched.reports(duration_ns=round(DURATION_S * SECOND), stop=stop):
                     view.show(report)
+                    sink.take(report)
             was_stopped = stop.is_set()
     finally:
         scanned.set()

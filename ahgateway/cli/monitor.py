@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ahgateway.cli.tape import Keep, Record, Recorded, RecordFrames, RollHours, RollMb
 from ahgateway.cli.view import Output, View
 
 if TYPE_CHECKING:
@@ -39,12 +40,20 @@ def monitor(
             metavar="PORT", help="Serve Prometheus metrics on 127.0.0.1; 0 takes a free port.", min=0, max=65535
         ),
     ] = None,
+    record: Record = None,
+    record_frames: RecordFrames = False,
+    roll_mb: RollMb = None,
+    roll_hours: RollHours = None,
+    keep: Keep = None,
 ) -> None:
     """Follow every loop of a profile and compare each execution with the reference.
 
     Only reads. In a terminal it opens a screen whose keys stand at its foot; otherwise, or with --plain, it prints
     lines, or JSON lines with --output json. Ends at --duration, with Ctrl-C or with q. Exit code 0 when executions
     were compared and none diverged, 1 when one diverged, 3 when nothing could be compared or less than --coverage.
+
+    With --record everything seen is kept in a file, for `ahgateway replay`. The target replay://FILE follows such a
+    recording instead of a PLC, as fast as it goes, or ?speed=1 times as fast as it was.
 
     Example: ahgateway monitor line3.toml --target modbus+tcp://192.0.2.10:502?unit=1 --duration 60
     """
@@ -53,8 +62,10 @@ def monitor(
     from ahgateway.cli.targets import resolved
     from ahgateway.schema.profile import load
 
-    station = resolved(load(profile).station(), target)
-    raise typer.Exit(asyncio.run(_monitor(station, duration, output, coverage, plain=plain, metrics=metrics)))
+    loaded = load(profile)
+    station = resolved(loaded.station(), target)
+    tape = Recorded(record, record_frames, roll_mb, roll_hours, keep, loaded.text)
+    raise typer.Exit(asyncio.run(_monitor(station, duration, output, coverage, tape, plain=plain, metrics=metrics)))
 
 
 async def _monitor(
@@ -62,40 +73,45 @@ async def _monitor(
     duration_s: float | None,
     output: Output,
     coverage_min: float,
+    tape: Recorded,
     *,
     plain: bool,
     metrics: int | None,
 ) -> int:
     from ahgateway.apps.board import Board
-    from ahgateway.apps.monitor import Monitor
     from ahgateway.cli.interrupt import stop_event
-    from ahgateway.cli.targets import open_target
-    from ahgateway.clock import SECOND, WallClock
+    from ahgateway.cli.run import Taps, followed
+    from ahgateway.cli.tape import recorded
+    from ahgateway.clock import SECOND
 
-    clock = WallClock()
     duration_ns = None if duration_s is None else round(duration_s * SECOND)
     has_screen = output is Output.TEXT and not plain and sys.stdout.isatty() and sys.stdin.isatty()
     frames: deque[Frame] = deque(maxlen=FRAMES_MAX)
+    taps = Taps([frames.append] if has_screen else [])
     async with (
-        open_target(station, clock, frames.append if has_screen else None) as link,
+        followed(station, taps if has_screen or tape.frames else None) as (watched, clock),
         contextlib.AsyncExitStack() as stack,
     ):
-        watched = Monitor(station, link, clock)
         board = Board(watched, clock, frames) if has_screen or metrics is not None else None
         stop = stack.enter_context(stop_event())
         view = stack.enter_context(
             View(watched, clock, output, coverage_min, station.name, is_table=False, has_screen=has_screen)
         )
+        say = board.note if board is not None and has_screen else view.note
+        sink = stack.enter_context(recorded(tape, station, clock, say))
+        taps.more(sink.frame)
         if board is not None and metrics is not None:
             stack.enter_context(_metrics(board, metrics))
         if board is not None and has_screen:
             from ahgateway.tui.app import MonitorApp, shown
 
-            await stack.enter_async_context(shown(MonitorApp(board, station.name), stop))
+            screen = MonitorApp(board, station.name, on_note=lambda note: sink.note(note.utc_ns, note.text))
+            await stack.enter_async_context(shown(screen, stop))
         async for report in watched.reports(duration_ns=duration_ns, stop=stop):
             if board is not None:
                 board.take(report)
             view.show(report)
+            sink.take(report)
     return int(watched.outcome(coverage_min))
 
 

@@ -11,7 +11,22 @@ if TYPE_CHECKING:
     from ahgateway.clock import Clock
     from ahgateway.codec.station import Station
     from ahgateway.recording.reader import Recording
-    from ahgateway.transports.base import Tap
+    from ahgateway.transports.base import Frame, Tap
+
+
+class Taps:
+    """Hands each frame to everybody who wants it; who wants it may come later than the link."""
+
+    def __init__(self, taps: list[Tap]) -> None:
+        self._taps = taps
+
+    def more(self, tap: Tap) -> None:
+        """Hand frames to this one too."""
+        self._taps.append(tap)
+
+    def __call__(self, frame: Frame) -> None:
+        for tap in self._taps:
+            tap(frame)
 
 
 @contextlib.asynccontextmanager

@@ -35,12 +35,13 @@ class Recorded:
     roll_mb: float | None = None
     roll_hours: float | None = None
     keep: int | None = None
+    profile_text: str = ""
 
 
 class Sink:
     """Takes reports and frames; does nothing when nothing is recorded."""
 
-    def __init__(self, tape: Tape | None, wants_frames: bool, say: Callable[[str], None]) -> None:
+    def __init__(self, tape: Tape | None, wants_frames: bool, say: Callable[[str], object]) -> None:
         self._tape = tape
         self._wants_frames = wants_frames
         self._say = say
@@ -52,6 +53,11 @@ class Sink:
             for line in self._tape.news():
                 self._say(line)
 
+    def note(self, utc_ns: int, text: str) -> None:
+        """Keep what a person says of the run."""
+        if self._tape is not None:
+            self._tape.recorder.note(utc_ns, text)
+
     def frame(self, frame: Frame) -> None:
         """Keep one frame when frames are wanted."""
         if self._tape is not None and self._wants_frames:
@@ -59,9 +65,7 @@ class Sink:
 
 
 @contextlib.contextmanager
-def recorded(
-    options: Recorded, station: Station, clock: Clock, profile_text: str, say: Callable[[str], None]
-) -> Iterator[Sink]:
+def recorded(options: Recorded, station: Station, clock: Clock, say: Callable[[str], object]) -> Iterator[Sink]:
     """Yield where a run's reports go; the file is closed cleanly however the run ends.
 
     Raises:
@@ -78,7 +82,7 @@ def recorded(
         round((options.roll_mb or 0) * MEBIBYTE), round((options.roll_hours or 0) * 3600 * SECOND), options.keep or 0
     )
     command = " ".join(["ahgateway", *sys.argv[1:]])
-    tape = Tape(options.path, station, clock, profile_text=profile_text, command=command, rolling=rolling)
+    tape = Tape(options.path, station, clock, profile_text=options.profile_text, command=command, rolling=rolling)
     try:
         with tape:
             yield Sink(tape, options.frames, say)
