@@ -40,6 +40,7 @@ class CallItem(PidItem):
             if self._has_contact:
                 self._state = self._state._replace(valid=False)
                 self._is_first = True
+                self._gathered_ns = 0
             return False
         if not self._is_due(elapsed_ns):
             return False

@@ -7,15 +7,17 @@ Fitted factors come from the output alone and are then tried on all values.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from math import isfinite
 from typing import Any
 
 import numpy as np
 
 from ahgateway.codec.station import Loop
+from ahgateway.core.controllers import replaced
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL
-from ahgateway.lockstep.call_shadow import agree, key_of, names_for, pv_attrs, stepped
+from ahgateway.lockstep.call_shadow import agree, field_at, key_of, names_for, pv_attrs, stepped
 from ahgateway.lockstep.causes import Blame, Suspect
 from ahgateway.lockstep.picture import Picture, predicted
 from ahgateway.lockstep.shadow import Bound, Fit
@@ -27,6 +29,9 @@ FIT_SHARE = 1e-4
 """How far a fitted factor may leave the output from what was written, as a share of it."""
 
 TRIES = 6
+NEIGHBOURS = 4
+"""Rounding of a sum computed back is no more than this many REALs away."""
+
 DIRECTIONS = frozenset({"ACTION"})
 
 
@@ -84,8 +89,6 @@ def _stale_pv(case: _Case) -> list[Suspect]:
 
 
 def _other_dialect(case: _Case) -> list[Suspect]:
-    from dataclasses import replace
-
     found = []
     for axis, values in case.loop.controller.axes.items():
         for value in values:
@@ -106,11 +109,35 @@ def _calls(case: _Case) -> list[Suspect]:
     return []
 
 
+def _integral(case: _Case) -> list[Suspect]:
+    """Everything follows from another integral: somebody wrote it, or the block has summed another one."""
+    name = case.loop.controller.roles.integral
+    words = {word.name: word for word in case.loop.controller.seen}
+    path = words[name].path(case.fit.before.low) if name else ""
+    if not path:
+        return []
+    ref, seen = case.run()[name], case.after.seen[name]
+    start = REAL(float(field_at(case.fit.before.low, path)) + float(seen) - float(ref))
+    for direction in (REAL(-np.inf), REAL(np.inf)):
+        value = start
+        for _ in range(NEIGHBOURS):
+            state = replaced(case.fit.before.low, path, value)
+            after, terms, _ = stepped(case.loop, case.fit.inputs, Bound(state, state))
+            if case.reproduces(predicted(case.loop.controller, after.low, terms)):
+                held = float(field_at(case.fit.before.low, path))
+                evidence = f"all agrees with {name} {float(value):g} before the call, {held:g} was seen"
+                return [Suspect("operand-written", evidence, name), Suspect("integral", evidence, name)]
+            value = np.nextafter(value, direction)
+    return []
+
+
 def _gains(case: _Case) -> list[Suspect]:
     """An operand that acts with another size than its register shows; the smallest change first."""
     found = []
     for row in case.loop.controller.operands:
-        if row.kind in (Kind.REAL, Kind.INT) and row.minimum is not None and 0 <= row.minimum <= 1:
+        # A whole number without a unit is a set of bits or a choice, and has no size.
+        is_sized = row.kind is Kind.REAL or (row.kind is Kind.INT and row.unit)
+        if is_sized and row.minimum is not None and 0 <= row.minimum <= 1:
             value = getattr(case.fit.inputs, row.attr, None)
             if value is None or not isfinite(value) or value <= 0:
                 continue
@@ -148,5 +175,12 @@ def _fitted(case: _Case, output: Callable[[float], float]) -> float | None:
     return ratio if abs(output(ratio) - target) <= max(FIT_SHARE * abs(target), 0.0 if is_real else 0.5) else None
 
 
-HYPOTHESES: tuple[Callable[[_Case], list[Suspect]], ...] = (_switches, _stale_pv, _other_dialect, _calls, _gains)
+HYPOTHESES: tuple[Callable[[_Case], list[Suspect]], ...] = (
+    _switches,
+    _stale_pv,
+    _other_dialect,
+    _calls,
+    _gains,
+    _integral,
+)
 """Tried in this order; exact ones stand before fitted ones."""

@@ -30,6 +30,7 @@ from ahgateway.lockstep.call_shadow import (
     reads,
     rejoined,
     started,
+    stepped,
 )
 from ahgateway.lockstep.events import Change
 from ahgateway.lockstep.judge import OPEN_STATE, Execution
@@ -172,11 +173,12 @@ class Calls:
             return self._agreed(found.fits[0], before, after, is_decided=found.is_decided)
         nearest = found.nearest
         assert nearest is not None
-        joined = rejoined(loop, nearest.after.low, after.seen)
-        is_afresh = bool(fed_back(loop)) and any(not bound.low.valid for bound in self._shadow)
-        self._shadow = merged((joined, *fresh))
-        if is_afresh:
+        afresh = [bound for bound in self._shadow if not bound.low.valid] if fed_back(loop) else []
+        if afresh:
+            reached = [stepped(loop, inputs, bound)[0].low for inputs in variants for bound in afresh]
+            self._shadow = merged(rejoined(loop, state, after.seen) for state in reached)
             return Execution(Verdict.UNOBSERVABLE, reason=AFRESH, terms=nearest.terms, inputs=nearest.inputs)
+        self._shadow = merged((rejoined(loop, nearest.after.low, after.seen), *fresh))
         proof = self._proof(nearest, after.seen)
         if proof is not None:
             reason = f"agrees by {proof.value} only; the tolerance of the profile allows it"
