@@ -38,6 +38,10 @@ COMMANDS: dict[str, Row] = {
         "Write a recording for other programs: absolute time in UTC, units, operands as the manual spells them.",
     ),
     "import": Row("import_:import_", "Make a recording from a CSV trend of another program."),
+    "identify": Row(
+        "identify:identify",
+        "Learn how the PLC discretises its PID formulas, by eliminating every arithmetic that misses one bit.",
+    ),
     "profile": Row("profile:app", "Check, show, describe and start profiles; sends nothing to any PLC."),
     "commission": Row(
         "commission:commission",

@@ -30,9 +30,9 @@ from ahgateway.lockstep.shadow import (
     recalled,
     state_key,
 )
-from ahgateway.lockstep.thinning import is_dependent, thinned
+from ahgateway.lockstep.thinning import first_plain, is_dependent, thinned
 
-CANDIDATES_MAX = 6000
+CANDIDATES_MAX = 3000
 """More candidates than this after one execution: the trace is not fit to decide, and says so."""
 
 Fixed = Mapping[str, int]
@@ -182,8 +182,10 @@ def identify(loop: Loop, observations: Sequence[Observation]) -> Identification:
     candidates = [_Candidate(dict(fixed), ()) for fixed in starts]
     if not any(starts):
         return replace(_result(candidates, 0, 0, has_kc), is_crowded=True)
-    executions = informative = 0
+    executions, informative, first = 0, 0, first_plain(loop, pairs)
     for number, each in enumerate(observations):
+        if number < first:
+            continue
         is_tuning = 1 in (each.before.inputs.pid_mode, each.after.inputs.pid_mode)
         if is_tuning or not each.is_next:
             for candidate in candidates:

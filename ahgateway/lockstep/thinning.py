@@ -78,6 +78,14 @@ def thinned(loop: Loop, pairs: Sequence[Pair]) -> list[dict[str, int]]:
         return [wider for fixed in found for wider in _derivatives(loop, plain, fixed)]
 
 
+def first_plain(loop: Loop, pairs: Sequence[Pair]) -> int:
+    """Place of the first two plain executions in a row; 0 when there are none. What is hidden settles quickest there."""
+    for number in range(len(pairs) - 1):
+        if _is_plain(loop, pairs[number]) and _is_plain(loop, pairs[number + 1]):
+            return number
+    return 0
+
+
 def is_dependent(pairs: Sequence[Pair]) -> bool:
     """Tell whether any picture of the trace is in the dependent form."""
     return any(getattr(picture.inputs, "pid_eq", False) for pair in pairs for picture in pair)

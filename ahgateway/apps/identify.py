@@ -1,0 +1,72 @@
+"""Learn the dialect of each loop from pictures, live or recorded; results as data, no printing."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from ahgateway.apps.monitor import Report, Sample
+from ahgateway.codec.station import Loop, Station
+from ahgateway.core.dialect_axes import BY_NAME, value_name
+from ahgateway.core.verdict import Exit
+from ahgateway.lockstep.identify import Identification, identify, observed
+from ahgateway.lockstep.picture import Picture
+
+
+@dataclass(frozen=True, slots=True)
+class Learned:
+    """What one loop's pictures say.
+
+    Attributes:
+        loop: The loop as the profile has it.
+        found: The outcome of the elimination.
+        pictures: How many pictures there were.
+    """
+
+    loop: Loop
+    found: Identification
+    pictures: int
+
+    @property
+    def exit(self) -> Exit:
+        """PASS when a dialect is named, DIFFERENT when none fits, INCONCLUSIVE when the trace decides nothing."""
+        if self.found.unexplained is not None:
+            return Exit.DIFFERENT
+        return Exit.PASS if self.found.is_named and not self.found.is_crowded else Exit.INCONCLUSIVE
+
+    def decided(self) -> dict[str, str]:
+        """Axes of this instruction that are decided, as a profile spells them."""
+        return {
+            name: value_name(name, value)
+            for name, value in self.found.decided().items()
+            if BY_NAME[name].concerns(self.loop.controller.name)
+        }
+
+    def open(self) -> list[tuple[str, list[str], str]]:
+        """Axes left open: name, values that remain, and what an operator can do to tell them apart."""
+        decided = self.found.decided()
+        return [
+            (axis.name, [value_name(axis.name, value) for value in self.found.values[axis.name]], axis.excitation)
+            for axis in self.found.open_axes(self.loop.controller.name)
+            if axis.name not in decided
+        ]
+
+
+def collected(reports: Iterable[Report]) -> dict[str, list[Picture]]:
+    """Gather the pictures of each loop, in order."""
+    found: defaultdict[str, list[Picture]] = defaultdict(list)
+    for report in reports:
+        if isinstance(report.event, Sample):
+            found[report.loop].append(report.event.picture)
+    return dict(found)
+
+
+def learn(station: Station, pictures: Mapping[str, list[Picture]], names: Iterable[str] = ()) -> list[Learned]:
+    """Learn every loop's dialect, or that of the named loops; only Delta's laws have one."""
+    wanted = set(names)
+    return [
+        Learned(loop, identify(loop, observed(pictures.get(loop.name, []), loop)), len(pictures.get(loop.name, [])))
+        for loop in station.loops
+        if loop.controller.law_ts is not None and (not wanted or loop.name in wanted)
+    ]

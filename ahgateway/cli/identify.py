@@ -1,0 +1,186 @@
+"""`ahgateway identify`: learn from the PLC, or from a recording of it, how its firmware computes."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ahgateway.cli.view import Output
+
+if TYPE_CHECKING:
+    from ahgateway.apps.identify import Learned
+    from ahgateway.codec.station import Station
+    from ahgateway.lockstep.picture import Picture
+
+SQLITE = b"SQLite format 3\x00"
+
+
+def identify(
+    source: Annotated[str, typer.Argument(metavar="RECORDING|PROFILE", help="Recording, profile, or demo.")],
+    loop: Annotated[list[str] | None, typer.Option(help="Only this loop; may be given several times.")] = None,
+    target: Annotated[str | None, typer.Option(help="Link to use instead of the profile's.")] = None,
+    duration: Annotated[float, typer.Option(help="How long to watch a live PLC, in seconds.", min=1.0)] = 60.0,
+    save: Annotated[
+        Path | None, typer.Option(metavar="PROFILE", help="Write what is decided into this profile.")
+    ] = None,
+    firmware: Annotated[str, typer.Option(help="Firmware, as its label shows it; it cannot be read.")] = "",
+    output: Annotated[Output, typer.Option(help="text for people, json for one object per loop.")] = Output.TEXT,
+) -> None:
+    """Learn how the PLC discretises its PID formulas, by eliminating every arithmetic that misses one bit.
+
+    Only reads the PLC. Ends with the axes that are decided, those still open with what would decide them, or the first
+    execution that no known dialect explains. Exit code 0 when a dialect is named, 1 when none fits, 3 when there is
+    too little to decide.
+
+    Example: ahgateway identify demo --duration 30
+    """
+    station, pictures = _recorded(source) if _is_recording(source) else _live(source, target, duration)
+    from ahgateway.apps.identify import learn
+    from ahgateway.core.verdict import Exit
+
+    results = learn(station, pictures, loop or ())
+    for each in results:
+        typer.echo(json.dumps(_object(each)) if output is Output.JSON else _text(each))
+    if save is not None:
+        _save(save, results, firmware)
+    exits = {each.exit for each in results}
+    raise typer.Exit(
+        int(next((code for code in (Exit.DIFFERENT, Exit.INCONCLUSIVE) if code in exits), Exit.PASS))
+        if results
+        else int(Exit.INCONCLUSIVE)
+    )
+
+
+def _is_recording(source: str) -> bool:
+    path = Path(source)
+    if not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(SQLITE)) == SQLITE
+
+
+def _recorded(source: str) -> tuple[Station, dict[str, list[Picture]]]:
+    from ahgateway.apps.identify import collected
+    from ahgateway.apps.replay import Changes, Replay, judged_again
+    from ahgateway.recording.reader import Recording
+
+    with Recording(source) as recording:
+        again = Replay(recording, judged_again(recording.station, Changes({}, None)), ())
+        return recording.station, collected(again.reports())
+
+
+def _live(source: str, target: str | None, duration_s: float) -> tuple[Station, dict[str, list[Picture]]]:
+    from ahgateway.cli.targets import resolved
+    from ahgateway.schema.profile import load
+
+    station = resolved(load(source).station(), target)
+    return station, asyncio.run(_watched(station, duration_s))
+
+
+async def _watched(station: Station, duration_s: float) -> dict[str, list[Picture]]:
+    from ahgateway.apps.identify import collected
+    from ahgateway.apps.monitor import Monitor
+    from ahgateway.cli.interrupt import stop_event
+    from ahgateway.cli.targets import open_target
+    from ahgateway.clock import SECOND, WallClock
+
+    clock = WallClock()
+    async with open_target(station, clock) as link:
+        watched = Monitor(station, link, clock)
+        with stop_event() as stop:
+            reports = [each async for each in watched.reports(duration_ns=round(duration_s * SECOND), stop=stop)]
+    return collected(reports)
+
+
+def _object(each: Learned) -> dict[str, Any]:
+    found = each.found
+    shown: dict[str, Any] = {
+        "loop": each.loop.name,
+        "instruction": each.loop.controller.name,
+        "pictures": each.pictures,
+        "executions": found.executions,
+        "informative": found.informative,
+        "survivors": len(found.survivors),
+        "exit": each.exit.name.lower(),
+        "decided": each.decided() if found.is_named else {},
+        "open": [{"axis": name, "values": values, "try": tip} for name, values, tip in each.open()],
+        "unexplained": None,
+    }
+    if found.unexplained is not None:
+        from ahgateway.core.real import bits
+
+        shown["unexplained"] = {
+            "execution": found.unexplained.number,
+            "words": {
+                name: {"plc": f"0x{bits(plc):08x}", "ref": f"0x{bits(ref):08x}"}
+                for name, (plc, ref) in found.unexplained.words.items()
+            },
+        }
+    return shown
+
+
+def _text(each: Learned) -> str:
+    found, head = each.found, f"{each.loop.name} ({each.loop.controller.name})"
+    if found.unexplained is not None:
+        return "\n".join([f"{head}: no known dialect fits", *_unexplained(each)])
+    if not found.is_named or found.is_crowded:
+        return (
+            f"{head}: too little to decide, {found.executions} executions were explained\n"
+            "  hint: watch longer, in automatic, between the limits, ERR_DBW 0, with Ki and some movement of SV or PV"
+        )
+    lines = [f"{head}: {found.executions} executions explained by bits, {found.informative} of them informative"]
+    lines += [f"  {name} = {value}" for name, value in each.decided().items()]
+    if each.open():
+        lines.append("  open:")
+        lines += [f"    {name}: {' or '.join(values)}; {tip}" for name, values, tip in each.open()]
+    return "\n".join(lines)
+
+
+def _unexplained(each: Learned) -> list[str]:
+    from ahgateway.core.dialect_axes import spelled
+    from ahgateway.core.real import bits
+
+    missed = each.found.unexplained
+    assert missed is not None
+    lines = [f"  first execution that none explains: number {missed.number}, beside the closest dialect"]
+    for name, (plc, ref) in missed.words.items():
+        mark = "" if bits(plc) == bits(ref) else "   differs"
+        lines.append(f"    {name}: plc {plc:.9g} (0x{bits(plc):08x}), ref {ref:.9g} (0x{bits(ref):08x}){mark}")
+    lines += [
+        f"    {name}: {value:.9g}"
+        for name, value in missed.terms._asdict().items()
+        if name in ("e", "p", "i", "d", "raw")
+    ]
+    chosen = ", ".join(f"{axis} = {value}" for axis, value in spelled(missed.dialect).items())
+    return [*lines, f"    closest dialect: {chosen or 'the default'}"]
+
+
+def _save(path: Path, results: list[Learned], firmware: str) -> None:
+    from ahgateway.clock import WallClock
+    from ahgateway.schema.files import read
+    from ahgateway.schema.learned import with_dialect
+
+    text = read(path, str(path))
+    date = _date(WallClock().utc_ns())
+    for each in results:
+        if not each.found.is_named:
+            continue
+        evidence: dict[str, str | int] = {
+            "by": "ahgateway identify",
+            "date": date,
+            "executions": each.found.executions,
+            "firmware": firmware,
+        }
+        text = with_dialect(text, str(path), each.loop.name, each.decided(), evidence)
+        typer.echo(f"{path}: dialect of {each.loop.name} written", err=True)
+    path.write_text(text, encoding="utf-8")
+
+
+def _date(utc_ns: int) -> str:
+    from datetime import UTC, datetime
+
+    return datetime.fromtimestamp(utc_ns / 1e9, UTC).date().isoformat()
