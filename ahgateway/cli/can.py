@@ -21,6 +21,7 @@ app = typer.Typer(
     help="Look at a CAN bus, write an EDS, put the fake PLC on a bus.",
 )
 
+
 @app.command()
 def dump(
     target: Annotated[str, typer.Argument(metavar="TARGET", help="Bus, such as canopen://socketcan/can0.")],
@@ -203,3 +204,86 @@ async def _serve(plc: FakePlc, text: str, sends_sync: bool) -> None:
             await until(stop, plc, clock)
         finally:
             await server.close()
+
+
+@app.command()
+def eds(
+    profile: Annotated[str, typer.Argument(metavar="PROFILE", help="Profile, or a shipped example: can.")],
+) -> None:
+    """Print the EDS of the gateway as a node of the PLC's master, for the tool that configures the master.
+
+    Example: ahgateway can eds line3.toml > gateway.eds
+    """
+    from ahgateway import __version__
+    from ahgateway.codec.can_eds import eds as eds_text
+    from ahgateway.codec.can_eds import node_layout
+    from ahgateway.schema.profile import load
+
+    typer.echo(eds_text(node_layout(load(profile).station()), version=__version__), nl=False)
+
+
+@app.command()
+def node(
+    profile: Annotated[str, typer.Argument(metavar="PROFILE", help="Profile whose loops the master sends.")],
+    target: Annotated[
+        str, typer.Argument(metavar="TARGET", help="Bus and own node-ID: canopen://socketcan/can0?node=5")
+    ],
+    duration: Annotated[float | None, typer.Option(help="Stop after so many seconds.", min=0.0)] = None,
+    output: Annotated[Output, typer.Option(help="text for people, json for one object per line.")] = Output.TEXT,
+) -> None:
+    """Be a node of the PLC's master, as `can eds` describes it, and print every value that comes.
+
+    It answers its master and sends boot-up and heartbeat, nothing else. Exit code 0 when values came, 3 when none did.
+
+    Example: ahgateway can node line3.toml "canopen://socketcan/can0?node=5"
+    """
+    import asyncio
+
+    from ahgateway.errors import ProfileError
+    from ahgateway.schema.profile import load
+    from ahgateway.transports.uri import parse_uri
+
+    parsed = parse_uri(target)
+    if parsed.scheme != "canopen" or "node" not in parsed.options:
+        raise ProfileError(f"`{parsed.text}` names no node on a CAN bus", key="target", hint="add ?node=5")
+    raise typer.Exit(asyncio.run(_node(load(profile).station(), parsed.text, duration, output)))
+
+
+async def _node(station: Station, text: str, duration_s: float | None, output: Output) -> int:
+    import asyncio
+    import contextlib
+
+    from ahgateway.cli.interrupt import stop_event
+    from ahgateway.clock import WallClock
+    from ahgateway.codec.can_eds import NodeValue, node_layout, real_text
+    from ahgateway.transports.can.bus import bus_for
+    from ahgateway.transports.can.gateway import GatewayContent
+    from ahgateway.transports.can.node import CanNode
+    from ahgateway.transports.can.server import serve_node
+    from ahgateway.transports.uri import parse_uri
+
+    clock, target, came = WallClock(), parse_uri(text), 0
+
+    def show(value: NodeValue, packed: bytes) -> None:
+        nonlocal came
+        came += 1
+        bits, shown = packed[::-1].hex(), real_text(packed)
+        if output is Output.JSON:
+            print_json(
+                {"kind": "value", "utc_ns": clock.utc_ns(), "loop": value.loop, "name": value.name}
+                | {"bits": f"0x{bits}", "text": shown}
+            )
+        else:
+            typer.echo(f"{_stamp(clock.utc_ns())}  {value.loop} {value.name} {shown} (0x{bits})")
+
+    own = int(target.options["node"])
+    content = GatewayContent(node_layout(station), own, show)
+    with stop_event() as stop:
+        server = await serve_node(CanNode(own, content, starts_operational=False), bus_for(target, clock), clock)
+        try:
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(duration_s):
+                    await stop.wait()
+        finally:
+            await server.close()
+    return 0 if came else 3
