@@ -42,6 +42,10 @@ COMMANDS: dict[str, Row] = {
         "identify:identify",
         "Learn how the PLC discretises its PID formulas, by eliminating every arithmetic that misses one bit.",
     ),
+    "explain": Row(
+        "explain:explain",
+        "Say what a cause of a divergence, or an axis of the dialect, means; without a name list them all.",
+    ),
     "profile": Row("profile:app", "Check, show, describe and start profiles; sends nothing to any PLC."),
     "commission": Row(
         "commission:commission",

@@ -79,7 +79,7 @@ def thinned(loop: Loop, pairs: Sequence[Pair]) -> list[dict[str, int]]:
 
 
 def first_plain(loop: Loop, pairs: Sequence[Pair]) -> int:
-    """Place of the first two plain executions in a row; 0 when there are none. What is hidden settles quickest there."""
+    """Place of the first two plain executions in a row, 0 when there are none: there hidden state settles fastest."""
     for number in range(len(pairs) - 1):
         if _is_plain(loop, pairs[number]) and _is_plain(loop, pairs[number + 1]):
             return number

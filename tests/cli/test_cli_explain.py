@@ -1,0 +1,47 @@
+"""Codes are stable, every cause has a page, and the command finds both."""
+
+from __future__ import annotations
+
+import json
+
+from typer.testing import CliRunner
+
+from ahgateway.cli.main import app
+from ahgateway.errors import ProfileError
+from ahgateway.lockstep.cause_pages import PAGES, code_of
+
+CODES = {
+    "AHG201": "gain",
+    "AHG202": "cycle",
+    "AHG203": "direction",
+    "AHG204": "mode-change",
+    "AHG205": "stale-pv",
+    "AHG206": "clamp",
+    "AHG207": "dialect",
+    "AHG208": "operand-written",
+    "AHG209": "integral",
+    "AHG210": "missed-execution",
+    "AHG299": "unknown",
+}
+
+
+def test_codes_never_change() -> None:
+    assert CODES == {page.code: page.name for page in PAGES}
+    assert all(code == code_of(name) for code, name in CODES.items())
+
+
+def test_a_code_is_explained() -> None:
+    result = CliRunner().invoke(app, ["explain", "ahg201", "--output", "json"])
+    assert 0 == result.exit_code
+    assert "gain" == json.loads(result.stdout)["name"]
+
+
+def test_an_axis_is_explained() -> None:
+    result = CliRunner().invoke(app, ["explain", "sum_order", "--output", "json"])
+    assert {"pi_d": "(P+I)+D", "p_id": "P+(I+D)", "pd_i": "(P+D)+I"} == json.loads(result.stdout)["values"]
+
+
+def test_an_unknown_name_is_refused_with_the_nearest() -> None:
+    result = CliRunner().invoke(app, ["explain", "sum_ordr"])
+    assert isinstance(result.exception, ProfileError)
+    assert "sum_order" in str(result.exception.hint)
