@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
+from typing import Any
 
 import numpy as np
 
@@ -101,6 +102,7 @@ class Experiment:
     rows: list[tuple[float, float, float, float]] = field(default_factory=list)
     _begun_ns: int = 0
     _last: Picture | None = None
+    _written_ns: int | None = None
 
     async def run(self, wanted: Wanted) -> tuple[Record, Params]:
         """Measure the rest, excite the loop, put everything back; return the trace and the loop's settings.
@@ -159,10 +161,10 @@ class Experiment:
         if wanted.kind is Kind.SV:
             sv = float(self._last.inputs.sv)
             for value in (sv + size, sv):
-                await self.gate.write({"SV": value})
+                await self._write({"SV": value})
                 await self._leg(wanted, sigma)
             return
-        await self.gate.write({"PID_MAN": True})
+        await self._write({"PID_MAN": True})
         picture = await self._sample()
         base = float(picture.seen["MV"])
         if wanted.kind is Kind.RELAY:
@@ -170,8 +172,17 @@ class Experiment:
             return
         levels = (base + size, base) if wanted.kind is Kind.STEP else (base + size, base - size, base)
         for value in levels:
-            await self.gate.write({"MOUT": value})
+            await self._write({"MOUT": value})
             await self._leg(wanted, sigma)
+
+    async def _write(self, values: dict[str, Any]) -> None:
+        """Write through the gate, no sooner than the profile allows; the wait is sampled like any other time."""
+        limits = [self.loop.writes[name].interval_s for name in values if name in self.loop.writes]
+        pause_ns = round(max(limits, default=0.0) * SECOND)
+        while self._written_ns is not None and self.clock.now_ns() - self._written_ns < pause_ns:
+            await self._sample()
+        await self.gate.write(values)
+        self._written_ns = self.clock.now_ns()
 
     async def _leg(self, wanted: Wanted, sigma: float) -> None:
         """Hold until the time given is over, or PV has settled, or half the way to the envelope is used up."""
@@ -193,7 +204,7 @@ class Experiment:
         """Two-position control of MOUT around the PV of the rest, until `CYCLES` periods are seen."""
         centre = float(np.mean([row[2] for row in self.rows[:REST_SAMPLES]]))
         up, switched = True, 0
-        await self.gate.write({"MOUT": base + size})
+        await self._write({"MOUT": base + size})
         rising = 0.0
         while switched < 2 * CYCLES:
             pv = float((await self._sample()).inputs.pv)
@@ -203,7 +214,7 @@ class Experiment:
             if rising and rising * (pv - centre) * (1.0 if up else -1.0) > hysteresis:
                 up = not up
                 switched += 1
-                await self.gate.write({"MOUT": base + size if up else base - size})
+                await self._write({"MOUT": base + size if up else base - size})
 
     async def _sample(self) -> Picture:
         """Wait for the next moment, take a picture, keep it, and judge it against the envelope."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 
 import pytest
-from lockstep.gate.gate_world import GateWorld
+from lockstep.gate.gate_world import WRITES, GateWorld
 
 from ahgateway.apps.tune_experiment import Envelope, Experiment, Kind, Wanted
 from ahgateway.codec.access import Read, Table
-from ahgateway.codec.station import PlantSpec
+from ahgateway.codec.station import PlantSpec, WriteLimit
 from ahgateway.errors import StateError
 from ahgateway.lockstep.picture import Sampler
 from ahgateway.tuning.identify import identify
@@ -19,11 +19,12 @@ PLANT = PlantSpec("fopdt", 1.5, 6.0, 1.0, 20.0, 0.02, 80.0)
 INITIAL = {
     "SV": 80.0, "CYCLE": 200, "Kc_Kp": 1.0, "Ti_Ki": 0.15, "Td_Kd": 0.0, "MV_MAX": 100.0, "MV_MIN": 0.0,
 }  # fmt: skip
+PACED = WRITES | {"MOUT": WriteLimit(0.0, 100.0, 5.0, 1.0)}
 WIDE = Envelope((40.0, 120.0), (10.0, 90.0), time_s=600.0)
 
 
 def bench(folder, envelope=WIDE, plant=PLANT, link=None):
-    world = GateWorld(folder, INITIAL, plant=plant, scan_ms=20)
+    world = GateWorld(folder, INITIAL, plant=plant, scan_ms=20, writes=PACED)
     world.clock.advance_ns(30_000_000_000)
     world.plc.answer(Read(1, Table.HOLDING, 100, 1))
     world.plc.writes.clear()
