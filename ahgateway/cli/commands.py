@@ -44,7 +44,7 @@ COMMANDS: dict[str, Row] = {
     ),
     "explain": Row(
         "explain:explain",
-        "Say what a cause of a divergence, or an axis of the dialect, means; without a name list them all.",
+        "Say what a code, a cause of a divergence or an axis of the dialect means; without a name list them all.",
     ),
     "profile": Row("profile:app", "Check, show, describe and start profiles; sends nothing to any PLC."),
     "commission": Row(

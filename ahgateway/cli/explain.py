@@ -12,15 +12,15 @@ from ahgateway.cli.view import Output
 
 def explain(
     what: Annotated[
-        str | None, typer.Argument(metavar="CODE|CAUSE|AXIS", help="AHG201, gain, or an axis such as filter.")
+        str | None, typer.Argument(metavar="CODE|CAUSE|AXIS", help="AHG251, gain, or an axis such as filter.")
     ] = None,
     output: Annotated[Output, typer.Option(help="text for people, json for one object.")] = Output.TEXT,
 ) -> None:
-    """Say what a cause of a divergence, or an axis of the dialect, means; without a name list them all.
+    """Say what a code, a cause of a divergence or an axis of the dialect means; without a name list them all.
 
     Sends nothing to any PLC.
 
-    Example: ahgateway explain AHG201
+    Example: ahgateway explain AHG251
     """
     facts = _all() if what is None else _one(what)
     typer.echo(json.dumps(facts, ensure_ascii=False) if output is Output.JSON else _text(facts))
@@ -37,6 +37,7 @@ def _all() -> dict[str, Any]:
 def _one(what: str) -> dict[str, Any]:
     from dataclasses import asdict
 
+    from ahgateway.apps.commission.catalogue import CATALOGUE
     from ahgateway.core.dialect import AXES
     from ahgateway.core.dialect_axes import BY_NAME as AXIS_PAGES
     from ahgateway.core.dialect_axes import value_name
@@ -47,9 +48,13 @@ def _one(what: str) -> dict[str, Any]:
     page = BY_CODE.get(what.upper()) or BY_NAME.get(what.lower())
     if page is not None:
         return asdict(page)
+    finding = next((kind for kind in CATALOGUE.values() if what.upper() == kind.code), CATALOGUE.get(what.lower()))
+    if finding is not None:
+        named = {"code": finding.code, "name": finding.name, "what": finding.what}
+        return {**named, "why": finding.why, "do": finding.do}
     axis = AXIS_PAGES.get(what.lower())
     if axis is None:
-        known = [*BY_CODE, *BY_NAME, *AXIS_PAGES]
+        known = [*BY_CODE, *BY_NAME, *CATALOGUE, *AXIS_PAGES]
         raise ProfileError(f"`{what}` is no code, cause or axis", hint=near(what, known) or "`ahgateway explain` alone")
     values = {value_name(axis.name, number): axis.values[int(number)] for number in AXES[axis.name]}
     return {

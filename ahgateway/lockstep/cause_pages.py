@@ -33,7 +33,7 @@ class CausePage:
 
 PAGES: tuple[CausePage, ...] = (
     CausePage(
-        "AHG201",
+        "AHG251",
         "gain",
         "a gain acts with another size than its register shows",
         "The law reproduces the PLC when one gain is taken larger or smaller. The factor is estimated from the words.",
@@ -42,17 +42,17 @@ PAGES: tuple[CausePage, ...] = (
         "Does the program scale or copy the gain? Is it another register than the one in the profile?",
     ),
     CausePage(
-        "AHG202",
+        "AHG252",
         "cycle",
         "the interval is not the configured CYCLE",
         "The law reproduces the PLC with another Ts. The real interval is estimated from the words.",
         "I_MV and MV both come out within 16 ULP with one and the same interval.",
-        "gain: see AHG201. dialect: a clock that measures gives another interval at each execution.",
+        "gain: see AHG251. dialect: a clock that measures gives another interval at each execution.",
         "Is the instruction in an interval task? Does the profile's CYCLE point to the right register? "
         "Run `ahgateway identify`: the firmware may compute with the measured interval.",
     ),
     CausePage(
-        "AHG203",
+        "AHG253",
         "direction",
         "PID_DIR acts the other way round",
         "E has the opposite sign.",
@@ -61,7 +61,7 @@ PAGES: tuple[CausePage, ...] = (
         "Look at the bit's address; AH500 and AS name the directions differently, only the formula counts.",
     ),
     CausePage(
-        "AHG204",
+        "AHG254",
         "mode-change",
         "the instruction was in another mode than its bits say",
         "PID_MAN or PID_RUN had another value while it executed than in the pictures around it.",
@@ -70,7 +70,7 @@ PAGES: tuple[CausePage, ...] = (
         "Is the bit written in the same scan by the program, before or behind the instruction?",
     ),
     CausePage(
-        "AHG205",
+        "AHG255",
         "stale-pv",
         "the PV of an earlier execution was used",
         "MV follows from a PV that the block no longer records.",
@@ -79,7 +79,7 @@ PAGES: tuple[CausePage, ...] = (
         "Is the analogue input slower than CYCLE? Is PV copied behind the instruction?",
     ),
     CausePage(
-        "AHG206",
+        "AHG256",
         "clamp",
         "MV lies outside its limits",
         "The law never leaves MV_MIN and MV_MAX but for the 0 of PID_RUN = FALSE.",
@@ -88,7 +88,7 @@ PAGES: tuple[CausePage, ...] = (
         "Does the program write MV, or add something behind the limiter?",
     ),
     CausePage(
-        "AHG207",
+        "AHG257",
         "dialect",
         "the firmware computes in another dialect",
         "One axis of the dialect, set otherwise, reproduces the PLC. After a firmware update this is the usual cause.",
@@ -97,7 +97,7 @@ PAGES: tuple[CausePage, ...] = (
         "Run `ahgateway identify`, and compare the firmware with the one in the profile's evidence.",
     ),
     CausePage(
-        "AHG208",
+        "AHG258",
         "operand-written",
         "somebody wrote I_MV between two executions",
         "MV agrees with the integral that is shown, but that integral does not follow from the one before.",
@@ -106,16 +106,16 @@ PAGES: tuple[CausePage, ...] = (
         "Does the program or another master write or clear I_MV?",
     ),
     CausePage(
-        "AHG209",
+        "AHG259",
         "integral",
         "the integral drifts",
         "The increments differ from the law's, while the rest of MV is right.",
-        "As AHG208, repeatedly.",
-        "operand-written: see AHG208. An axis of the integral would be named as dialect.",
+        "As AHG258, repeatedly.",
+        "operand-written: see AHG258. An axis of the integral would be named as dialect.",
         "Run `ahgateway identify`; look for a missed or additional execution.",
     ),
     CausePage(
-        "AHG210",
+        "AHG260",
         "missed-execution",
         "an execution is missing, or one came too early",
         "The words follow from another number of executions than the schedule gives.",

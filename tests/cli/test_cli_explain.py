@@ -6,21 +6,22 @@ import json
 
 from typer.testing import CliRunner
 
+from ahgateway.apps.commission.catalogue import CATALOGUE
 from ahgateway.cli.main import app
 from ahgateway.errors import ProfileError
 from ahgateway.lockstep.cause_pages import PAGES, code_of
 
 CODES = {
-    "AHG201": "gain",
-    "AHG202": "cycle",
-    "AHG203": "direction",
-    "AHG204": "mode-change",
-    "AHG205": "stale-pv",
-    "AHG206": "clamp",
-    "AHG207": "dialect",
-    "AHG208": "operand-written",
-    "AHG209": "integral",
-    "AHG210": "missed-execution",
+    "AHG251": "gain",
+    "AHG252": "cycle",
+    "AHG253": "direction",
+    "AHG254": "mode-change",
+    "AHG255": "stale-pv",
+    "AHG256": "clamp",
+    "AHG257": "dialect",
+    "AHG258": "operand-written",
+    "AHG259": "integral",
+    "AHG260": "missed-execution",
     "AHG299": "unknown",
 }
 
@@ -31,9 +32,15 @@ def test_codes_never_change() -> None:
 
 
 def test_a_code_is_explained() -> None:
-    result = CliRunner().invoke(app, ["explain", "ahg201", "--output", "json"])
+    result = CliRunner().invoke(app, ["explain", "ahg251", "--output", "json"])
     assert 0 == result.exit_code
     assert "gain" == json.loads(result.stdout)["name"]
+
+
+def test_a_code_of_commissioning_is_explained_too_and_no_code_has_two_meanings() -> None:
+    result = CliRunner().invoke(app, ["explain", "AHG101", "--output", "json"])
+    assert "no-answer" == json.loads(result.stdout)["name"]
+    assert not {page.code for page in PAGES} & {kind.code for kind in CATALOGUE.values()}
 
 
 def test_an_axis_is_explained() -> None:
