@@ -209,11 +209,14 @@ def _unpacked(names: list[str]) -> str:
     return ", ".join(names) + ","
 
 
-def _njit() -> Any:
-    """The compiler, told to keep IEEE: no reordering, no contraction, division as numpy does it."""
+def _njit(*, is_inner: bool = False) -> Any:
+    """The compiler, told to keep IEEE: no reordering, no contraction, division as numpy does it.
+
+    What only compiled code calls gets no door from Python: those doors take most of the time to compile.
+    """
     from numba import njit
 
-    return njit(error_model="numpy", fastmath=False)
+    return njit(error_model="numpy", fastmath=False, no_cpython_wrapper=is_inner, no_cfunc_wrapper=is_inner)
 
 
 @lru_cache(maxsize=256)
@@ -224,7 +227,7 @@ def _compiled(function: Any) -> Any:
         if name in scope:
             scope[name] = _compilable(scope[name])
     copy = types.FunctionType(function.__code__, scope, function.__name__, function.__defaults__, function.__closure__)
-    return _njit()(_without_defaults(copy))
+    return _njit(is_inner=True)(_without_defaults(copy))
 
 
 def _without_defaults(function: Any) -> Any:
