@@ -25,7 +25,7 @@ WIDE = Envelope((40.0, 120.0), (10.0, 90.0), time_s=600.0)
 
 def bench(folder, envelope=WIDE, plant=PLANT, link=None):
     world = GateWorld(folder, INITIAL, plant=plant, scan_ms=20, writes=PACED)
-    world.clock.advance_ns(30_000_000_000)
+    world.clock.advance_ns(120_000_000_000)
     world.plc.answer(Read(1, Table.HOLDING, 100, 1))
     world.plc.writes.clear()
     line = link(world) if link else world.link
