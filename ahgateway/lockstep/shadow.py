@@ -229,7 +229,8 @@ def explain(
                 predictions.add(tuple(bits(high[name]) for name in names))
                 fit = Fit(inputs, bound, after, low_terms, open_terms(low_terms, high_terms), ts)
                 if not same_words(names, low, high):
-                    if not _is_excluded(names, low, high, seen):
+                    is_free = not (low_terms.flags | high_terms.flags) & (flag.FREEZE_HI | flag.FREEZE_LO)
+                    if not (is_free and _is_excluded(names, low, high, seen)):
                         fitting.extend(_narrowed(loop, inputs, bound, seen, names, ts))
                 elif same_words(names, low, seen):
                     fitting.append(fit)
