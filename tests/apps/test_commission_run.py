@@ -86,6 +86,12 @@ async def test_a_killed_run_goes_on_with_the_step_that_was_not_done(tmp_path) ->
     assert [1, 2, 3, 4, 5] == told
 
 
+async def test_a_filter_that_nobody_sees_is_no_divergence(tmp_path) -> None:
+    bench = Bench(tmp_path, initial={"Tf": 1.0, "Td_Kd": 4.0, "PID_DE": True})
+    checks = await bench.commission(replace(WISHES, is_armed=False, coverage_min=0.0))
+    assert Outcome.FAIL is not checks["diverged"].outcome, checks["diverged"].text
+
+
 async def test_without_arm_or_consent_nothing_is_written(tmp_path) -> None:
     bench = Bench(tmp_path)
     checks = await bench.commission(replace(WISHES, is_armed=False))
