@@ -133,7 +133,9 @@ def reads(loop: Loop, before: Picture, after: Picture) -> list[Any]:
 
 
 def started(loop: Loop, before: Picture | None, after: Picture, *, one_call: bool) -> Shadow:
-    """Start a shadow at a picture, where the controller says that it can.
+    """Start a shadow behind a call that was seen, or at a contact that is off, where the controller says that it can.
+
+    What stands in the registers later is not what the call read, so there is no start from a picture alone.
 
     Args:
         loop: The loop.

@@ -70,7 +70,6 @@ class Calls:
             interval_ns: Nominal time between two calls.
         """
         if before is None:
-            self._shadow = started(self.loop, None, after, one_call=False)
             return []
         if after.running is False:
             return []
@@ -123,11 +122,8 @@ class Calls:
         """No call shows itself: nothing happened, or calls that changed nothing."""
         if moved:
             return self._written(before, after, moved)
-        if not self._shadow:
-            self._shadow = started(self.loop, before, after, one_call=False)
-            return []
         possible = 0 if is_counted else self._calls_max(before, after, interval_ns)
-        if possible:
+        if possible and self._shadow:
             self._shadow = lingered(self.loop, self._shadow, before, after, possible)
         return []
 
