@@ -31,6 +31,8 @@ from ahgateway.schema.layout import INSTRUCTIONS, manual
 
 ROWS_PER_COMMIT = 1000
 TIME = "time"
+EXACT_TIME = "utc_ns"
+"""What our own export adds: the time with all of its digits."""
 ALSO = {
     TIME: ("time", "timestamp", "datetime", "date", "t", "seconds"),
     "SV": ("sv", "sp", "setpoint"),
@@ -109,13 +111,13 @@ def _fill(
     batch, count, before = Batch(), 0, -1
     for line, cells in enumerate(rows, 2):
         where = f"{source}:{line}"
-        moment = _moment(cells, places[TIME], trend.start_ns, where)
+        moment = _moment(cells, places, trend.start_ns, where)
         if moment <= before:
             raise ProfileError(f"{cells[places[TIME]]} is not later than the row before", file=where)
         before = moment
         words = dict(base)
         for name, place in places.items():
-            if name != TIME:
+            if name not in (TIME, EXACT_TIME):
                 if place >= len(cells):
                     raise ProfileError(f"has {len(cells)} cells, {name} should be cell {place + 1}", file=where)
                 words[name] = _words(kinds[name], cells[place], where)
@@ -180,6 +182,8 @@ def _places(source: Path, controller: Controller, names: list[str], columns: dic
         place = next((small[each] for each in usual if each in small), None)
         if name not in found and place is not None:
             found[name] = place
+    if TIME not in columns and EXACT_TIME in small:
+        found[EXACT_TIME] = small[EXACT_TIME]
     missing = [name for name in (TIME, "PV") if name not in found]
     if missing:
         raise ProfileError(
@@ -209,7 +213,11 @@ def _words(row: Operand, text: str, where: str) -> tuple[int, ...]:
         raise ProfileError(f"`{text}` is no {row.kind.value} for {row.name}", file=where) from error
 
 
-def _moment(cells: list[str], place: int, start_ns: int, where: str) -> int:
+def _moment(cells: list[str], places: dict[str, int], start_ns: int, where: str) -> int:
+    exact = places.get(EXACT_TIME)
+    if exact is not None and exact < len(cells) and cells[exact].isdecimal():
+        return int(cells[exact])
+    place = places[TIME]
     text = cells[place] if place < len(cells) else ""
     try:
         return start_ns + round(float(text) * SECOND)
