@@ -15,7 +15,7 @@ from textual.app import App, ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.screen import Screen
-from textual.widgets import DataTable, Footer, Input, TabbedContent, TabPane
+from textual.widgets import Footer, Input, TabbedContent, TabPane
 
 from ahgateway.apps.board import Board, Note
 from ahgateway.clock import SECOND
@@ -123,7 +123,7 @@ class MonitorApp(App[None]):
     def on_mount(self) -> None:
         """Start to redraw; a console that cannot show Braille gets plain characters."""
         self.query_one(Trend).is_plain = "utf" not in locale.getpreferredencoding(False).lower()
-        self.query_one(LoopsTable).focus()
+        self.query_one(LoopsTable).take_focus()
         if self._is_ticking:
             self.set_interval(1 / REDRAWS_PER_SECOND, self.redraw)
 
@@ -198,7 +198,9 @@ class MonitorApp(App[None]):
         """Bring a page to the front."""
         self._base.query_one(TabbedContent).active = name
         # A key typed into a field that is no longer in front would be lost.
-        self.set_focus(self._base.query_one(LoopsTable) if name == "loops" else None)
+        self.set_focus(None)
+        if name == "loops":
+            self._base.query_one(LoopsTable).take_focus()
         self.call_after_refresh(self.redraw)
 
     def action_turn(self, step: int) -> None:
@@ -238,11 +240,10 @@ class MonitorApp(App[None]):
         self.notify(text, timeout=2)
         self.redraw()
 
-    def on_data_table_row_selected(self, event: DataTable.RowSelected) -> None:
+    def on_loops_table_opened(self, event: LoopsTable.Opened) -> None:
         """Enter or a click on a loop shows its page."""
-        if event.row_key.value is not None:
-            self._chosen = event.row_key.value
-            self.action_page("loop")
+        self._chosen = event.name
+        self.action_page("loop")
 
     def on_tabbed_content_tab_activated(self, _: TabbedContent.TabActivated) -> None:
         """A tab clicked is drawn as soon as it has its size."""

@@ -12,7 +12,8 @@ from ahgateway.core import flags
 from ahgateway.core.real import ulp_distance
 from ahgateway.core.verdict import Verdict, reason
 from ahgateway.lockstep.causes import Blame
-from ahgateway.lockstep.follow import Change, Finding, Follower, verdict_now
+from ahgateway.lockstep.events import Change, Finding
+from ahgateway.lockstep.follow import Follower, verdict_now
 from ahgateway.lockstep.judge import Execution
 from ahgateway.transports.base import LinkFigures
 

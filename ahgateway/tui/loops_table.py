@@ -1,18 +1,24 @@
-"""Every loop of the station in one line: verdict, coverage, age, values, health."""
+"""Every loop of the station in one line: verdict, coverage, age, values, health; lines are chosen by key or mouse."""
 
 from __future__ import annotations
 
-from rich.text import Text
-from textual.widgets import DataTable
+from typing import ClassVar
+
+from textual import events
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import Vertical
+from textual.message import Message
 
 from ahgateway.apps.board import Board
 from ahgateway.apps.health import label
 from ahgateway.apps.monitor import Watch
 from ahgateway.clock import SECOND
 from ahgateway.tui.lines import shown
+from ahgateway.tui.lines_panel import Line, LinesPanel, columns
 
 COLUMNS = ("loop", "verdict", "proven", "of", "diverged", "SV", "PV", "MV", "mode", "age", "health", "findings")
-RIGHT = frozenset({"proven", "of", "diverged", "SV", "PV", "MV", "age"})
+RIGHT = frozenset({2, 3, 4, 5, 6, 7, 9})
 STYLE = {
     "MATCH": "green",
     "DIVERGED": "bold red",
@@ -23,33 +29,96 @@ STYLE = {
 }
 
 
-class LoopsTable(DataTable[Text]):
-    """The first screen; only cells that changed are written."""
+class Rows(LinesPanel):
+    """The lines below the head; one of them is chosen."""
+
+    can_focus = True
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up", "move(-1)", show=False),
+        Binding("down", "move(1)", show=False),
+        Binding("pageup", "move(-20)", show=False),
+        Binding("pagedown", "move(20)", show=False),
+        Binding("home", "move(-1000000)", show=False),
+        Binding("end", "move(1000000)", show=False),
+        Binding("enter", "choose", show=False),
+    ]
+
+    class Chosen(Message):
+        """Enter or a click: the number of the line, from 0."""
+
+        def __init__(self, index: int) -> None:
+            super().__init__()
+            self.index = index
+
+    def __init__(self, count: int) -> None:
+        super().__init__()
+        self.index = 0
+        self._count = count
+
+    def action_move(self, step: int) -> None:
+        """Choose another line and keep it in sight."""
+        self.index = min(max(self.index + step, 0), self._count - 1)
+        height = max(1, self.scrollable_content_region.height)
+        top = self.scroll_offset.y
+        if not top <= self.index < top + height:
+            self.scroll_to(y=self.index if self.index < top else self.index - height + 1, animate=False)
+        self.post_message(Rows.Chosen(-1))
+
+    def action_choose(self) -> None:
+        """Open the chosen line."""
+        self.post_message(Rows.Chosen(self.index))
+
+    def on_click(self, event: events.Click) -> None:
+        """Choose a line and open it."""
+        index = event.y + self.scroll_offset.y
+        if 0 <= index < self._count:
+            self.index = index
+            self.action_choose()
+
+
+class LoopsTable(Vertical):
+    """The first screen."""
+
+    DEFAULT_CSS = "LoopsTable #loops-head { height: 1; }"
+
+    class Opened(Message):
+        """A loop's page is wanted."""
+
+        def __init__(self, name: str) -> None:
+            super().__init__()
+            self.name = name
 
     def __init__(self, board: Board) -> None:
-        super().__init__(cursor_type="row", zebra_stripes=True, id="loops-table")
+        super().__init__()
         self._board = board
-        self._written: dict[tuple[str, str], Text] = {}
+        self._names = list(board.watches)
 
-    def on_mount(self) -> None:
-        """Lay out columns and rows once; loops do not come and go."""
-        for head in COLUMNS:
-            self.add_column(Text(head, justify="right" if head in RIGHT else "left"), key=head)
-        for name, watch in self._board.watches.items():
-            row = self._row(watch)
-            self.add_row(*row.values(), key=name)
-            self._written.update({(name, head): cell for head, cell in row.items()})
+    def compose(self) -> ComposeResult:
+        """A head that stays, lines that scroll."""
+        yield LinesPanel(id="loops-head")
+        yield Rows(len(self._names))
 
     def show(self) -> None:
-        """Bring the cells up to date."""
-        for name, watch in self._board.watches.items():
-            for head, cell in self._row(watch).items():
-                before = self._written.get((name, head))
-                if before is None or before.plain != cell.plain or before.style != cell.style:
-                    self.update_cell(name, head, cell, update_width=before is None or len(before) < len(cell))
-                    self._written[name, head] = cell
+        """Bring every line up to date."""
+        rows = self.query_one(Rows)
+        head: tuple[tuple[str, str], ...] = tuple((each, "bold underline") for each in COLUMNS)
+        lines = columns([head, *(self._row(watch) for watch in self._board.watches.values())], RIGHT)
+        marked = [_pointed(line, is_chosen=index == rows.index) for index, line in enumerate(lines[1:])]
+        self.query_one("#loops-head", LinesPanel).put([_pointed(lines[0], is_chosen=False)])
+        rows.put(marked)
 
-    def _row(self, watch: Watch) -> dict[str, Text]:
+    def take_focus(self) -> None:
+        """Give the keys to the lines."""
+        self.query_one(Rows).focus()
+
+    def on_rows_chosen(self, event: Rows.Chosen) -> None:
+        """Draw the pointer where it is now, or open the loop."""
+        if event.index < 0:
+            self.show()
+        else:
+            self.post_message(LoopsTable.Opened(self._names[event.index]))
+
+    def _row(self, watch: Watch) -> tuple[tuple[str, str], ...]:
         board, name = self._board, watch.loop.name
         picture = watch.follower.picture
         fresh = board.freshness(watch)
@@ -64,24 +133,27 @@ class LoopsTable(DataTable[Text]):
         if fresh.is_stale:
             values = [f"({value})" for value in values]
         dim = "dim" if fresh.is_stale else ""
-        cells = {
-            "loop": (name, "bold"),
-            "verdict": (word, STYLE.get(word, "")),
-            "proven": (f"{counts.proven} {counts.coverage:.0%}", ""),
-            "of": (str(counts.total), ""),
-            "diverged": (str(counts.diverged), "bold red" if counts.diverged else ""),
-            "SV": (values[0], dim),
-            "PV": (values[1], dim),
-            "MV": (values[2], dim),
-            "mode": (mode, dim),
-            "age": (age, dim),
-            "health": (label(board.known_health(name)), ""),
-            "findings": (watch.refused or ", ".join(watch.follower.findings), ""),
-        }
-        return {
-            head: Text(text, style, justify="right" if head in RIGHT else "left")
-            for head, (text, style) in cells.items()
-        }
+        return (
+            (name, "bold"),
+            (word, STYLE.get(word, "")),
+            (f"{counts.proven} {counts.coverage:.0%}", ""),
+            (str(counts.total), ""),
+            (str(counts.diverged), "bold red" if counts.diverged else ""),
+            (values[0], dim),
+            (values[1], dim),
+            (values[2], dim),
+            (mode, dim),
+            (age, dim),
+            (label(board.known_health(name)), ""),
+            (watch.refused or ", ".join(watch.follower.findings), ""),
+        )
+
+
+def _pointed(line: Line, *, is_chosen: bool) -> Line:
+    """A line with the pointer before it; the chosen one is underlined too, for eyes that miss the sign."""
+    if not is_chosen:
+        return (("  ", ""), *line)
+    return (("> ", "bold"), *((text, f"{style} underline".strip()) for text, style in line))
 
 
 def mode_word(inputs: object) -> str:

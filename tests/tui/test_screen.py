@@ -37,10 +37,10 @@ async def test_the_first_page_names_every_loop_with_its_verdict_values_and_age(w
     head = ["loop", "verdict", "proven", "of", "diverged", "SV", "PV", "MV", "mode", "age", "health", "findings"]
     assert head == line_with(lines, "verdict").split()
     row = line_with(lines, "TIC-101").split()
-    assert ["TIC-101", "MATCH"] == row[:2]
-    assert ["0", "80"] == row[5:7]
-    assert "auto" == row[9]
-    assert ["0.0", "s"] == row[10:12]
+    assert [">", "TIC-101", "MATCH"] == row[:3]
+    assert ["0", "80"] == row[6:8]
+    assert "auto" == row[10]
+    assert ["0.0", "s"] == row[11:13]
     assert "LIC-201" in line_with(lines, "LIC-201")
     assert "q quit" in lines[-1]
 
@@ -87,6 +87,19 @@ async def test_enter_on_a_loop_shows_its_terms_beside_the_reference(world):
     assert "reference MV" in line_with(lines, "reference MV")
     assert "Ti_Ki" in line_with(lines, "D110 ")
     assert "00:00:22Z" in "\n".join(lines[1:])
+
+
+async def test_arrows_and_a_click_choose_a_loop(world):
+    async with world.app().run_test(size=WIDE) as pilot:
+        pilot.app.redraw()
+        await pilot.press("down")
+        await pilot.pause()
+        lines = text_of(pilot.app)
+        assert "> LIC-201" in line_with(lines, "LIC-201")
+        assert ">" not in line_with(lines, "TIC-101")
+        await pilot.click(offset=(8, lines.index(line_with(lines, "TIC-101"))))
+        await pilot.pause()
+        assert "TIC-101  DPIDE  " in line_with(text_of(pilot.app), "DPIDE")
 
 
 async def test_brackets_turn_to_the_next_loop_and_round(world):
