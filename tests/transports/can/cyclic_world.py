@@ -84,7 +84,9 @@ class CyclicWorld:
             if self._rng.random() < self._repeated:
                 self.wire.deliver(stamped)
         self.clock.advance_ns(SETTLED_NS)
-        picture = await self._sampler.picture()
+        try:
+            picture = await self._sampler.picture()
+        finally:
+            self.clock.advance_ns(PERIOD_NS - self.clock.now_ns() % PERIOD_NS)
         assert picture is not None
         self.events += self.follower.see(picture)
-        self.clock.advance_ns(PERIOD_NS - self.clock.now_ns() % PERIOD_NS)
