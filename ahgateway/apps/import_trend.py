@@ -87,7 +87,7 @@ def import_csv(source: Path, out: Path, trend: Trend) -> int:
         mv_unit=_unit(places, units, "MV", "%"),
     )
     station = Station(source.stem, f"replay://{out}", 1, device_map.load("ah500"), (loop,))
-    meta = {**versions(), "origin": "import", "source": source.name, "profile": "", "part": "1", "dropped": "0"}
+    meta = {**versions(), "origin": "import", "source": source.name, "profile": "", "part": "1"}
     file = RunFile(out, station, meta)
     try:
         count = _fill(file, source, controller, trend, places, rows)
