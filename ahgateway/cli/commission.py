@@ -67,6 +67,7 @@ def commission(
     remarks: Annotated[str, typer.Option(help="Anything for the sheet.")] = "",
     state: Annotated[Path | None, typer.Option(help="File that keeps progress: commission-LOOP.json.")] = None,
     sheet: Annotated[Path | None, typer.Option(help="Sheet to write: commission-LOOP.html.")] = None,
+    marker: Annotated[bool, typer.Option("--marker", help="With --arm: a marker in the scratch words.")] = False,
     fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew instead of going on.")] = False,
     save: Annotated[bool, typer.Option("--save", help="Write what step 1 found into the profile.")] = False,
     rollback: Annotated[
@@ -99,7 +100,7 @@ def commission(
         return
     wishes = Wishes(
         executions, round(observe * SECOND), coverage, arm is not None, step, pv_band, pv_rate,
-        round(answer * SECOND), round(minutes * 60 * SECOND),
+        round(answer * SECOND), round(minutes * 60 * SECOND), marker and arm is not None,
     )  # fmt: skip
     asked = Asked(
         auto, who_asks(by), tuple(instrument or ()), remarks, state or Path(f"commission-{found.name}.json"),

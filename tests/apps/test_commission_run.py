@@ -26,6 +26,8 @@ from ahgateway.apps.commission.checks import (
 )
 from ahgateway.apps.commission.link import amended
 from ahgateway.apps.commission.wiring import Envelope, envelope
+from ahgateway.codec.access import Table
+from ahgateway.codec.devices import parse_device
 from ahgateway.core.verdict import Exit
 from ahgateway.errors import LinkError, ProfileError, StateError
 from ahgateway.lockstep.gate.gate import Gate
@@ -84,6 +86,21 @@ async def test_a_killed_run_goes_on_with_the_step_that_was_not_done(tmp_path) ->
     assert [Step.LINK, Step.MAP] == list(kept.steps)
     await bench.work(kept).run(replace(WISHES, is_armed=False), say, consent=lambda bounds: True)
     assert [1, 2, 3, 4, 5] == told
+
+
+async def test_a_marker_lands_where_it_is_read_and_is_taken_away_again(tmp_path) -> None:
+    bench = Bench(tmp_path, changes={"scratch": parse_device("D900")})
+    bench.plc.memory.write(Table.HOLDING, 900, (7, 8))
+    checks = await bench.commission(replace(WISHES, is_armed=False, is_marked=True))
+    assert "0x12345678 at D900 reads 5678 1234; ISPSoft shows 305419896 there while it stands" == checks["marker"].text
+    assert [(900, (0x5678, 0x1234)), (900, (7, 8))] == [(each.address, each.values) for each in bench.plc.writes]
+
+
+async def test_without_scratch_words_or_consent_there_is_no_marker(tmp_path) -> None:
+    bench = Bench(tmp_path)
+    checks = await bench.commission(replace(WISHES, is_armed=False, is_marked=True))
+    assert "the profile names no scratch words" == checks["marker"].text
+    assert set() == bench.touched()
 
 
 async def test_a_filter_that_nobody_sees_is_no_divergence(tmp_path) -> None:
@@ -174,7 +191,7 @@ async def test_the_sheet_stands_alone_and_says_what_was_found(tmp_path) -> None:
     assert 2 == text.count("<svg")
     assert bench.progress.facts["journal"]["hash"] in text
     assert [] == re.findall(r'(?:src|href)="(?!#)[^"]*"', text.partition("<svg")[0])
-    assert [] == [kind.code for kind in CATALOGUE.values() if kind.code not in text and kind.name != "marker"]
+    assert [] == [kind.code for kind in CATALOGUE.values() if kind.code not in text]
     facts = sheet.sheet_json(bench.progress, bench.station, bench.loop(), heading, 0)
     assert ("PASS", "DPIDE") == (facts["verdict"], facts["loop"]["instruction"])
     rows = {row["operand"]: row for row in facts["operands"]}

@@ -20,7 +20,9 @@ from ahgateway.codec.plan import plan
 from ahgateway.codec.station import Const, Loop, Station
 from ahgateway.codec.words import decode, words_real
 from ahgateway.core.operands import Kind
-from ahgateway.errors import CodecError, PlcRefusedError
+from ahgateway.errors import AhGatewayError, CodecError, PlcRefusedError
+from ahgateway.lockstep.gate.gate import Gate
+from ahgateway.lockstep.gate.scratch import MARKER, SCRATCH
 from ahgateway.transports.base import Link
 
 CLEARLY = 3
@@ -191,6 +193,24 @@ def _sense(loop: Loop, values: Mapping[str, Any], words: Mapping[str, tuple[int,
             # The strongest sign counts as much as it takes to be named by.
             signs += [near] * CLEARLY
     return signs
+
+
+async def mark(gate: Gate, link: Link) -> Check:
+    """Write the marker through the gate, read each scratch word by itself, and put back what stood there."""
+    place = gate.station.scratch
+    if place is None:
+        return skipped("marker", "the profile names no scratch words")
+    address = gate.station.devices.address(place).address
+    try:
+        async with gate.armed("marker in the scratch words"):
+            await gate.write({SCRATCH: MARKER}, "marker")
+            reads = [Read(gate.station.unit, Table.HOLDING, address + at, 1) for at in (0, 1)]
+            words = [(await link.exchange(read)).values[0] for read in reads]
+    except AhGatewayError as error:
+        return failed("marker", error.message)
+    low, high = words
+    text = f"{MARKER:#010x} at {place} reads {low:04X} {high:04X}; ISPSoft shows {MARKER} there while it stands"
+    return judged("marker", (low, high) == (MARKER & 0xFFFF, MARKER >> 16), text)
 
 
 async def _system_flags(station: Station, link: Link) -> Check:

@@ -39,6 +39,7 @@ class Wishes:
         pv_rate_max: PV's largest rate a second, None for no limit.
         answer_ns: How long PV is given to answer a step.
         total_ns: Longest time of step 5.
+        is_marked: A marker may be written to the scratch words.
     """
 
     executions: int = 60
@@ -50,6 +51,7 @@ class Wishes:
     pv_rate_max: float | None = None
     answer_ns: int = 60 * SECOND
     total_ns: int = 900 * SECOND
+    is_marked: bool = False
 
 
 class Commission:
@@ -104,7 +106,7 @@ class Commission:
         try:
             if not self.progress.is_done(Step.MAP):
                 checks = await self._guarded("no-loop-there", mapping.settle(self.station, self.loop, link, self._maps))
-                self._done(Step.MAP, checks, said)
+                self._done(Step.MAP, [*checks, await self._marked(link, wishes, checks)], said)
             if any(check.outcome is Outcome.FAIL for check in self.progress.steps[Step.MAP]):
                 return
             if not (self.progress.is_done(Step.LOOP) and self.progress.is_done(Step.SHADOW)):
@@ -128,6 +130,14 @@ class Commission:
             self.progress.facts["changes"] = self.changes
         self._done(Step.LINK, checks, said)
         return found is not None
+
+    async def _marked(self, link: Link, wishes: Wishes, checks: Sequence[Check]) -> Check:
+        if not wishes.is_marked:
+            return skipped("marker", "not asked for: --marker with --arm writes to the scratch words")
+        if any(check.outcome is Outcome.FAIL for check in checks):
+            return skipped("marker", "not before the map fits")
+        gate = Gate(self.station, self.loop, link, self._clock, self._gates, who=self._who)
+        return await mapping.mark(gate, link)
 
     async def _observe(self, link: Link, wishes: Wishes, said: Said) -> None:
         seen = await observe.observe(

@@ -29,6 +29,7 @@ from ahgateway.lockstep.gate.change import Item, Step, shown
 from ahgateway.lockstep.gate.journal import Journal
 from ahgateway.lockstep.gate.lease import Lease
 from ahgateway.lockstep.gate.outcome import Plan, Restored, conflict_text
+from ahgateway.lockstep.gate.scratch import with_scratch
 from ahgateway.lockstep.gate.session import Conflict, Session, decide, last_session, words_json
 from ahgateway.lockstep.gate.states import Event, State, after
 from ahgateway.lockstep.gate.wire import Wire
@@ -61,7 +62,7 @@ class Gate:
 
     Args:
         station: The PLC.
-        loop: The only loop that is ever written.
+        loop: The only loop that is ever written; the station's scratch words count as one of its operands.
         link: The way there.
         clock: Gives the times, waits, and ends the arming.
         directory: Where journal and lease stand.
@@ -78,6 +79,7 @@ class Gate:
     def __init__(
         self, station: Station, loop: Loop, link: Link, clock: Clock, directory: Path, *, who: str = ""
     ) -> None:
+        loop = with_scratch(loop, station)
         self.station, self.loop, self.link, self.who = station, loop, link, who
         self.state = State.DISARMED
         self.session: Session | None = None

@@ -85,7 +85,8 @@ class Decision:
 def decide(session: Session, now: Raw) -> Decision:
     """Decide what may be put back, given what stands in the PLC now."""
     ignored = {"MOUT"} if now["MOUT_AUTO"][0] and not now["PID_MAN"][0] else set()
-    judged = [name for name in session.written if name not in ignored]
+    # Scratch words that the profile does not name any more are out of reach, and nobody's.
+    judged = [name for name in session.written if name not in ignored and name in now]
     differing = [name for name in judged if now[name] != session.as_found[name]]
     mode = [name for name in MODE if name in now and not session.is_ours(name, now)]
     if now["PID_MAN"][0] and "MOUT" in judged and not session.is_ours("MOUT", now):
