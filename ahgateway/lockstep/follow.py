@@ -205,7 +205,11 @@ class Follower:
         start = before.sent_ns
         if self._earliest_ns is not None:
             start = max(start, self._earliest_ns + apart)
-        return 0 if after.last_ns < start else 1 + (after.last_ns - start) // apart
+        possible = 0 if after.last_ns < start else 1 + (after.last_ns - start) // apart
+        dialect = self.loop.dialect
+        begins_anew = getattr(dialect, "run_on", 0) or getattr(dialect, "run_off_scan", 0)
+        # There, PID_RUN has an execution of its own beside the schedule's.
+        return possible + 1 if begins_anew and before.inputs.pid_run != after.inputs.pid_run else possible
 
     def _changes(self, before: Picture, after: Picture) -> list[Change]:
         if self._calls is not None:
