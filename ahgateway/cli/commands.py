@@ -29,6 +29,7 @@ class Row(NamedTuple):
 COMMANDS: dict[str, Row] = {
     "demo": Row("demo:demo", "See the whole thing work, without a PLC, in about 15 seconds."),
     "monitor": Row("monitor:monitor", "Follow every loop of a profile and compare each execution with the reference."),
+    "read": Row("read:read", "Read devices, or every operand of a loop, once."),
     "replay": Row(
         "replay:replay", "Follow a recording again and list every execution, term by term, PLC beside reference."
     ),

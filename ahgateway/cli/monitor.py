@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ahgateway.cli.tape import Keep, Record, Recorded, RecordFrames, RollHours, RollMb
+from ahgateway.cli.trace import Trace, traced
 from ahgateway.cli.view import Output, View
 
 if TYPE_CHECKING:
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
     from ahgateway.apps.board import Board
     from ahgateway.codec.station import Station
-    from ahgateway.transports.base import Frame
+    from ahgateway.transports.base import Frame, Tap
 
 FRAMES_MAX = 200
 
@@ -45,6 +46,7 @@ def monitor(
     roll_mb: RollMb = None,
     roll_hours: RollHours = None,
     keep: Keep = None,
+    trace: Trace = None,
 ) -> None:
     """Follow every loop of a profile and compare each execution with the reference.
 
@@ -65,7 +67,9 @@ def monitor(
     loaded = load(profile)
     station = resolved(loaded.station(), target)
     tape = Recorded(record, record_frames, roll_mb, roll_hours, keep, loaded.text)
-    raise typer.Exit(asyncio.run(_monitor(station, duration, output, coverage, tape, plain=plain, metrics=metrics)))
+    with traced(trace, station) as tap:
+        ran = _monitor(station, duration, output, coverage, tape, plain=plain, metrics=metrics, tap=tap)
+        raise typer.Exit(asyncio.run(ran))
 
 
 async def _monitor(
@@ -77,6 +81,7 @@ async def _monitor(
     *,
     plain: bool,
     metrics: int | None,
+    tap: Tap | None,
 ) -> int:
     from ahgateway.apps.board import Board
     from ahgateway.cli.interrupt import stop_event
@@ -87,9 +92,9 @@ async def _monitor(
     duration_ns = None if duration_s is None else round(duration_s * SECOND)
     has_screen = output is Output.TEXT and not plain and sys.stdout.isatty() and sys.stdin.isatty()
     frames: deque[Frame] = deque(maxlen=FRAMES_MAX)
-    taps = Taps([frames.append] if has_screen else [])
+    taps = Taps([each for each in (tap, frames.append if has_screen else None) if each is not None])
     async with (
-        followed(station, taps if has_screen or tape.frames else None) as (watched, clock),
+        followed(station, taps if has_screen or tape.frames or tap else None) as (watched, clock),
         contextlib.AsyncExitStack() as stack,
     ):
         board = Board(watched, clock, frames) if has_screen or metrics is not None else None

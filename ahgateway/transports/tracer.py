@@ -6,9 +6,13 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 
 from ahgateway.codec.access import Read, Request
+from ahgateway.codec.can_frame import unpack
+from ahgateway.codec.can_objects import CanMap
+from ahgateway.codec.can_text import meaning
+from ahgateway.codec.devices import DeviceMap
 from ahgateway.errors import AhGatewayError, FrameError, PlcRefusedError
 from ahgateway.transports.base import Frame
-from ahgateway.transports.framing import Adu, Framing
+from ahgateway.transports.framing import Adu, Framing, Mbap
 from ahgateway.transports.pdu import EXCEPTIONS, decode_reply, decode_request, describe, reply_shape
 
 VALUES_SHOWN_MAX = 8
@@ -75,3 +79,29 @@ def _values(request: Request, values: tuple[int, ...]) -> str:
 def _stamp(utc_ns: int) -> str:
     seconds, rest_ns = divmod(utc_ns, 1_000_000_000)
     return f"{datetime.fromtimestamp(seconds, UTC):%H:%M:%S}.{rest_ns // 1000:06d}"
+
+
+def line_maker(scheme: str, can: CanMap | None = None, devices: DeviceMap | None = None) -> Callable[[Frame], str]:
+    """Return what turns the tapped frames of a target of this scheme into lines.
+
+    Args:
+        scheme: As in its URI; memory and fake links show their frames as Modbus TCP.
+        can: The profile's objects and PDOs, for canopen.
+        devices: The device map, to name what a PDO carries.
+    """
+    if scheme == "canopen":
+        return lambda frame: _can_line(frame, can, devices)
+    if scheme.startswith("modbus+rtu"):
+        from ahgateway.transports.rtu import RtuReplies, RtuRequests
+
+        return Tracer(RtuRequests, RtuReplies).line
+    if scheme.startswith("modbus+ascii"):
+        from ahgateway.transports.ascii import AsciiReplies, AsciiRequests
+
+        return Tracer(AsciiRequests, AsciiReplies).line
+    return Tracer(Mbap).line
+
+
+def _can_line(frame: Frame, can: CanMap | None, devices: DeviceMap | None) -> str:
+    found = unpack(frame.data)
+    return f"{_stamp(frame.utc_ns)} {frame.direction} {found}  {meaning(found, can, devices)}".rstrip()

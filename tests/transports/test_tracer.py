@@ -6,7 +6,7 @@ from ahgateway.transports.ascii import AsciiReplies, AsciiRequests
 from ahgateway.transports.base import Frame
 from ahgateway.transports.framing import Mbap
 from ahgateway.transports.rtu import RtuReplies, RtuRequests
-from ahgateway.transports.tracer import Tracer
+from ahgateway.transports.tracer import Tracer, line_maker
 
 NOON = 1_767_268_800 * 10**9 + 123_456
 
@@ -54,3 +54,10 @@ def test_serial_frames_are_read_too_and_noise_is_counted() -> None:
     tracer = Tracer(AsciiRequests, AsciiReplies)
     assert "write 10" not in tracer.line(Frame(">", b":010F0500001002341293\r\n", 0, NOON))
     assert tracer.line(Frame("<", b":010F05000010DB\r\n", 0, NOON)).endswith("  unit 1: done")
+
+
+def test_the_scheme_says_how_frames_are_read() -> None:
+    assert line_maker("modbus+rtu")(out("01 02 05 00 00 10 79 0a")).endswith("0x0500 of unit 1")
+    assert line_maker("modbus+ascii+tcp")(Frame(">", b":010300640002%02X\r\n" % 0x96, 0, NOON)).endswith("of unit 1")
+    assert line_maker("fake")(out("00 01 00 00 00 06 01 03 00 64 00 02")).endswith("0x0064 of unit 1")
+    assert line_maker("canopen")(back("00 00 00 80")) == "12:00:00.000123 < 080 [0]  SYNC"
