@@ -49,9 +49,13 @@ Blobs = tuple[bytes, bytes, bytes]
 
 
 def columns(loop: Loop) -> list[tuple[str, int]]:
-    """Return what stands in a row of this loop, in order: operand (and `EN` when it is bound) and its words."""
+    """Return what stands in a row of this loop, in order: operand (and `EN`, `COUNTER` where bound) and its words."""
     found = [(row.name, max(1, row.words)) for row in loop.controller.operands]
-    return [*found, (block.EN, 1)] if loop.en is not None else found
+    if loop.en is not None:
+        found.append((block.EN, 1))
+    if loop.counter is not None:
+        found.append((block.COUNTER, 1))
+    return found
 
 
 def loop_rows(station: Station) -> list[tuple[Any, ...]]:

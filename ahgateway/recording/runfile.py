@@ -6,6 +6,7 @@ close folds the log back, so that one file is left. Nothing here knows threads o
 
 from __future__ import annotations
 
+import contextlib
 import json
 import sqlite3
 from collections.abc import Mapping
@@ -135,9 +136,11 @@ class RunFile:
         try:
             last = {**meta, "content_hash": self._chain.hex()}
             self._transact([("INSERT OR REPLACE INTO meta VALUES (?,?)", sorted(last.items()))])
+            self._base.execute("PRAGMA busy_timeout=200")
             self._base.execute("PRAGMA wal_checkpoint(TRUNCATE)")
             # Another process that reads just now keeps the log; whoever closes last folds it back.
-            self._base.execute("PRAGMA journal_mode=DELETE")
+            with contextlib.suppress(sqlite3.OperationalError):
+                self._base.execute("PRAGMA journal_mode=DELETE")
         finally:
             self._base.close()
 

@@ -119,6 +119,8 @@ def _loop_json(loop: Loop) -> Json:
         "mv_tolerance": loop.tolerance.mv_max,
         "pv_range": loop.pv_range,
         "mv_range": loop.mv_range,
+        "counter": str(loop.counter) if loop.counter else None,
+        "pv_held": loop.pv_held,
         **{name: getattr(loop, name) for name in _LOOP_PLAIN},
     }
 
@@ -143,6 +145,8 @@ def _loop_from(row: Json) -> Loop:
         tolerance=Tolerance(row["ulp_max"], row["mv_tolerance"]),
         pv_range=_pair(row["pv_range"]),
         mv_range=_pair(row["mv_range"]),
+        counter=parse_device(row["counter"]) if row.get("counter") else None,
+        pv_held=row.get("pv_held"),
         **{field: row[field] for field in _LOOP_PLAIN},
     )
 

@@ -88,6 +88,20 @@ def test_another_process_reads_while_the_file_grows(tmp_path: Path, station: Sta
         assert [0, 1] == [each.tick for each in reader.rows()]
 
 
+def test_a_reader_in_the_middle_of_the_file_does_not_disturb_its_close(tmp_path: Path, station: Station) -> None:
+    tape, _ = recorder(tmp_path / "a.ahrec", station)
+    for tick in range(3):
+        tape.row(row(tick))
+        tape.flush()
+    with Recording(tmp_path / "a.ahrec") as reader:
+        rows = reader.rows()
+        assert 0 == next(rows).tick
+        tape.close()
+        assert [] == tape.news()
+        assert [1, 2] == [each.tick for each in rows]
+    assert [0, 1, 2] == ticks(tmp_path / "a.ahrec")
+
+
 def test_a_file_is_never_overwritten(tmp_path: Path, station: Station) -> None:
     (tmp_path / "a.ahrec").write_text("precious")
     with pytest.raises(StateError, match="never overwritten"):
