@@ -18,7 +18,7 @@ from ahgateway.apps.board import Board
 from ahgateway.clock import SECOND
 from ahgateway.core.verdict import Counts
 from ahgateway.errors import StateError
-from ahgateway.lockstep.follow import is_executing
+from ahgateway.lockstep.follow import is_automatic, output_of, process_value_of, target_of
 
 HOST = "127.0.0.1"
 QUANTILES = (("0.5", 0.5), ("0.99", 0.99), ("1", 1.0))
@@ -54,11 +54,11 @@ def _loops(board: Board) -> Iterator[Metric]:
         age.add_metric([name], fresh.age_ns / SECOND)
         if fresh.is_stale:
             continue
-        auto.add_metric([name], float(is_executing(picture) and not picture.inputs.pid_man))
+        auto.add_metric([name], float(is_automatic(watch.loop, picture)))
         pv_unit, mv_unit = watch.loop.pv_unit, watch.loop.mv_unit
-        value.add_metric([name, "SV", pv_unit], float(picture.inputs.sv))
-        value.add_metric([name, "PV", pv_unit], float(picture.inputs.pv))
-        value.add_metric([name, "MV", mv_unit], float(picture.seen["MV"]))
+        value.add_metric([name, "SV", pv_unit], float(target_of(watch.loop, picture)))
+        value.add_metric([name, "PV", pv_unit], float(process_value_of(watch.loop, picture)))
+        value.add_metric([name, "MV", mv_unit], float(output_of(watch.loop, picture)))
     return iter((value, age, stale, auto, finding))
 
 

@@ -14,7 +14,8 @@ from ahgateway.clock import MILLISECOND, SECOND, Clock
 from ahgateway.codec.station import Loop, Station
 from ahgateway.core.verdict import Counts, Exit, run_outcome
 from ahgateway.errors import CodecError, PlcRefusedError, TransportError
-from ahgateway.lockstep.follow import Event, Finding, Follower, cycle_ns
+from ahgateway.lockstep.events import Finding
+from ahgateway.lockstep.follow import Event, Follower, cycle_ns
 from ahgateway.lockstep.picture import Picture, Sampler
 from ahgateway.transports.base import Link
 

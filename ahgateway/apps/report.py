@@ -13,9 +13,10 @@ import numpy as np
 from ahgateway.apps.monitor import LinkChange, Monitor, Report, Sample
 from ahgateway.clock import SECOND
 from ahgateway.core import flags
-from ahgateway.core.real import REAL, bits
+from ahgateway.core.real import bits
 from ahgateway.core.verdict import Counts, outcome, reason
-from ahgateway.lockstep.follow import Change, Finding, Follower
+from ahgateway.lockstep.events import Change, Finding
+from ahgateway.lockstep.follow import Follower
 from ahgateway.lockstep.judge import Execution
 
 Json = dict[str, Any]
@@ -30,9 +31,13 @@ def number(value: Any) -> Any:
     return value
 
 
-def hexadecimal(value: REAL) -> str:
-    """Return the bits as `0x414570a4`."""
-    return f"{bits(value):#010x}"
+def hexadecimal(value: Any) -> str:
+    """Return the bits as `0x414570a4`, of a whole number its word, `0x01f4`, of a switch `0x1`."""
+    if isinstance(value, np.floating):
+        return f"{bits(value):#010x}"
+    if isinstance(value, bool):
+        return f"{int(value):#x}"
+    return f"{value & 0xFFFF:#06x}" if -0x8000 <= value <= 0xFFFF else f"{value & 0xFFFF_FFFF:#010x}"
 
 
 def as_json(report: Report) -> Json | None:

@@ -10,7 +10,7 @@ from ahgateway.apps.health import Array, Window
 from ahgateway.apps.monitor import LinkChange, Report, Sample
 from ahgateway.clock import SECOND
 from ahgateway.codec.station import Station
-from ahgateway.lockstep.follow import cycle_ns, is_executing
+from ahgateway.lockstep.follow import cycle_ns, is_automatic, output_of, process_value_of, reference_of, target_of
 from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.picture import Picture
 
@@ -110,12 +110,13 @@ class Trails:
         elif isinstance(event, Execution):
             self._executed[report.loop] = True
             if event.terms is not None:
-                self._ref_mv[report.loop] = float(event.terms.mv)
+                self._ref_mv[report.loop] = float(reference_of(self._loops[report.loop], event.terms))
         elif isinstance(event, Sample):
             self._sample(report.loop, event.picture)
 
     def _sample(self, name: str, picture: Picture) -> None:
-        cycle = cycle_ns(self._loops[name], picture)
+        loop = self._loops[name]
+        cycle = cycle_ns(loop, picture)
         if not self._executed[name] and picture.utc_ns - self._kept_ns[name] < cycle:
             return
         self._executed[name] = False
@@ -124,12 +125,12 @@ class Trails:
         self.trails[name].add(
             picture.utc_ns / SECOND,
             (
-                float(inputs.sv),
-                float(inputs.pv),
-                float(picture.seen["MV"]),
+                float(target_of(loop, picture)),
+                float(process_value_of(loop, picture)),
+                float(output_of(loop, picture)),
                 self._ref_mv[name],
-                float(inputs.mv_min),
-                float(inputs.mv_max),
-                float(is_executing(picture) and not inputs.pid_man),
+                float(getattr(inputs, "mv_min", "nan")),
+                float(getattr(inputs, "mv_max", "nan")),
+                float(is_automatic(loop, picture)),
             ),
         )

@@ -317,6 +317,22 @@ def process_value_of(loop: Loop, picture: Picture) -> Any:
     return getattr(picture.inputs, loop.controller.operand(roles.pvs[0]).attr)
 
 
+def is_automatic(loop: Loop, picture: Picture) -> bool:
+    """Tell whether the law, and no person, moves the output."""
+    inputs = picture.inputs
+    in_manual = getattr(inputs, "pid_man", False) or not getattr(inputs, "reg_avt", True)
+    return computes(loop, picture) and not in_manual and picture.seen.get("State", AUTOMATIC) == AUTOMATIC
+
+
+AUTOMATIC = 3
+"""State of PID_Temp in automatic mode."""
+
+
+def reference_of(loop: Loop, terms: Any) -> Any:
+    """MV of the reference, whatever the controller calls it."""
+    return getattr(terms, next(seen.attr for seen in loop.controller.seen if seen.name == loop.controller.roles.mv))
+
+
 def output_of(loop: Loop, picture: Picture) -> Any:
     """MV, whatever the controller calls it."""
     return picture.seen[loop.controller.roles.mv]

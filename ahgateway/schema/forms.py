@@ -150,13 +150,22 @@ class EvidenceForm(Form):
 class PlantForm(Form):
     """The process behind a loop in the fake PLC."""
 
-    kind: Literal["fopdt", "integrating"]
+    kind: Literal["fopdt", "integrating", "heat_cool"]
     gain: float = Field(description="PV per MV; PV per MV and second when integrating")
     tau_s: float | None = Field(default=None, gt=0, description="time constant; fopdt needs it")
     dead_time_s: float = Field(default=0.0, ge=0, description="dead time")
     bias: float = Field(default=0.0, description="PV at MV = 0; drift of PV per second when integrating")
     noise: float = Field(default=0.0, ge=0, description="standard deviation of the noise on PV")
     initial: float | None = Field(default=None, description="PV at the start; without it bias, 0 when integrating")
+    cool_gain: float = Field(default=0.0, ge=0, description="PV per % of cooling, heat_cool only")
+    stroke_s: float | None = Field(
+        default=None, gt=0, description="PID_REG_CE: time of the motor valve, 60 if left out"
+    )
+    backlash: float = Field(default=0.0, ge=0, description="PID_REG_CE: backlash of the motor valve in %")
+    stiction: float = Field(default=0.0, ge=0, description="PID_REG_CE: way in % before a resting valve breaks loose")
+    position: float = Field(
+        default=0.0, ge=0, le=100, description="PID_REG_CE: position of the valve at the start in %"
+    )
 
 
 class FakeForm(Form):
@@ -178,7 +187,7 @@ class WriteForm(Form):
 class LoopForm(Form):
     """One PID instruction of the PLC program."""
 
-    instruction: str = Field(description="name of the instruction, DPID or DPIDE")
+    instruction: str = Field(description="name of the instruction, DPIDE")
     layout: Literal["manual"] | None = Field(default=None, description="place operands as the manual's example does")
     data: str | None = Field(
         default=None, description="first register of the layout instead of D100; MV stays 100 behind it"
@@ -187,7 +196,11 @@ class LoopForm(Form):
     en: str | None = Field(default=None, description="bit device of the instruction's EN contact")
     scan_ms_max: int = Field(default=10, ge=1, le=10_000, description="longest scan to expect")
     operands: dict[str, OperandForm] = Field(default_factory=dict, description="operand to device or constant")
-    dialect: dict[str, str] = Field(default_factory=dict, description="axis to value, how this PLC discretises")
+    dialect: dict[str, str | float] = Field(default_factory=dict, description="axis to value, how this PLC discretises")
+    counter: str | None = Field(default=None, description="word that the program counts up at each execution")
+    pv_held: bool | None = Field(
+        default=None, description="PV's register holds still between executions; without it as usual for the block"
+    )
     evidence: EvidenceForm = Field(default_factory=EvidenceForm)
     tolerance: ToleranceForm = Field(default_factory=ToleranceForm)
     units: UnitsForm = Field(default_factory=UnitsForm)

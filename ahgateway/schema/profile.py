@@ -14,14 +14,14 @@ from urllib.parse import parse_qs, urlsplit
 
 from pydantic import ValidationError
 
-from ahgateway.codec.devices import DeviceMap
+from ahgateway.codec.devices import Device, DeviceMap
 from ahgateway.codec.station import FakeLoop, Loop, Pacing, PlantSpec, Station, Tolerance
 from ahgateway.core.controllers import CONTROLLERS, Controller
-from ahgateway.core.dialect import AXES, Dialect
 from ahgateway.core.operands import Kind
-from ahgateway.errors import ProfileError
+from ahgateway.core.real import REAL
+from ahgateway.errors import CodecError, ProfileError
 from ahgateway.schema import device_map, files
-from ahgateway.schema.binding import Bound, bind, bit_device, constants, typed_value
+from ahgateway.schema.binding import Bound, bind, bit_device, constants, parsed, typed_value
 from ahgateway.schema.can import with_can
 from ahgateway.schema.findings import Findings, near, pruned, shown
 from ahgateway.schema.forms import FakeForm, LoopForm, ProfileForm, RangesForm, StationForm
@@ -129,10 +129,13 @@ def _profile(form: ProfileForm, text: str, file: str, beside: Path | None, findi
     running = bit_device(form.station.running, "running", "station.running", devices, findings)
     bounds: dict[str, dict[str, Bound]] = {}
     fakes: dict[str, FakeLoop] = {}
-    dialects: dict[str, Dialect] = {}
+    dialects: dict[str, Any] = {}
     for name, loop in form.loops.items():
         controller = _controller(name, loop, findings)
-        dialects[name] = _dialect(name, loop, findings)
+        if controller is not None:
+            dialects[name] = _dialect(name, loop, controller, findings)
+            _check_contact(name, loop, controller, findings)
+        _counter(name, loop, devices, findings)
         _check_ranges(name, loop.ranges, findings)
         bit_device(loop.en, "EN", f"loops.{name}.en", devices, findings)
         if controller is None:
@@ -168,7 +171,7 @@ def _loop(
     form: LoopForm,
     bound: Mapping[str, Bound],
     devices: DeviceMap,
-    dialect: Dialect,
+    dialect: Any,
     also_elsewhere: frozenset[str],
     findings: Findings,
 ) -> Loop:
@@ -186,6 +189,8 @@ def _loop(
         shared=also_elsewhere,
         pv_range=(ranges.pv[0], ranges.pv[1]) if ranges.pv else None,
         mv_range=(ranges.mv[0], ranges.mv[1]) if ranges.mv else None,
+        counter=_counter(name, form, devices, findings),
+        pv_held=form.pv_held,
     )
 
 
@@ -243,19 +248,49 @@ def _controller(name: str, form: LoopForm, findings: Findings) -> Controller | N
     return controller
 
 
-def _dialect(name: str, form: LoopForm, findings: Findings) -> Dialect:
+def _check_contact(name: str, form: LoopForm, controller: Controller, findings: Findings) -> None:
+    if form.en is not None and any(row.name == "EN" for row in controller.operands):
+        findings.add(f"loops.{name}.en", f"{controller.name} has its contact EN among the operands", "write it there")
+
+
+def _counter(name: str, form: LoopForm, devices: DeviceMap, findings: Findings) -> Device | None:
+    """The word that counts executions; None without one, or with a finding."""
+    key = f"loops.{name}.counter"
+    device = None if form.counter is None else parsed(form.counter, key, findings)
+    if device is None:
+        return None
+    try:
+        place = devices.address(device)
+    except CodecError as error:
+        findings.add(key, error.message, error.hint)
+        return None
+    if place.is_bit:
+        findings.add(key, f"a counter is a word, `{device}` is a bit", "a word device is `D900`")
+        return None
+    return device
+
+
+def _dialect(name: str, form: LoopForm, controller: Controller, findings: Findings) -> Any:
     chosen: dict[str, Any] = {}
     for axis, value in form.dialect.items():
         key = f"loops.{name}.dialect.{axis}"
-        if axis not in AXES:
-            findings.add(key, f"unknown axis, known are {', '.join(AXES)}", near(axis, AXES))
+        if axis in controller.numbers:
+            if isinstance(value, str) or not value >= 0:
+                findings.add(key, f"is {shown(value)}, allowed is a number from 0 on")
+            else:
+                chosen[axis] = REAL(value)
             continue
-        allowed = {member.name.lower(): member for member in AXES[axis]}
+        if axis not in controller.axes:
+            known = (*controller.axes, *controller.numbers)
+            findings.add(key, f"unknown axis, known are {', '.join(known)}", near(axis, known))
+            continue
+        allowed = {member.name.lower(): member for member in controller.axes[axis]}
         if value not in allowed:
-            findings.add(key, f"{shown(value)} is not known, allowed are {', '.join(allowed)}", near(value, allowed))
+            hint = near(str(value), allowed)
+            findings.add(key, f"{shown(value)} is not known, allowed are {', '.join(allowed)}", hint)
             continue
         chosen[axis] = allowed[value]
-    return Dialect(**chosen)
+    return controller.dialect._replace(**chosen)
 
 
 def _check_ranges(name: str, ranges: RangesForm, findings: Findings) -> None:
@@ -295,15 +330,32 @@ def _fake(
             typed = typed_value(rows[operand], value, key, findings)
             if typed is not None:
                 initial[operand] = typed
-    return FakeLoop(initial, _plant(name, form, findings))
+    return FakeLoop(initial, _plant(name, form, controller, findings))
 
 
-def _plant(name: str, form: FakeForm, findings: Findings) -> PlantSpec | None:
+def _plant(name: str, form: FakeForm, controller: Controller, findings: Findings) -> PlantSpec | None:
     plant = form.plant
     if plant is None:
         return None
     integrating = plant.kind == "integrating"
     if plant.tau_s is None and not integrating:
-        findings.add(f"loops.{name}.fake.plant.tau_s", "is missing, a plant of kind fopdt needs its time constant")
+        findings.add(
+            f"loops.{name}.fake.plant.tau_s", f"is missing, a plant of kind {plant.kind} needs its time constant"
+        )
+    if plant.stroke_s is not None and "OPEN_OUT" not in {row.name for row in controller.operands}:
+        findings.add(f"loops.{name}.fake.plant.stroke_s", f"{controller.name} drives no motor valve, PID_REG_CE does")
     start = plant.initial if plant.initial is not None else (0.0 if integrating else plant.bias)
-    return PlantSpec(plant.kind, plant.gain, plant.tau_s or 0.0, plant.dead_time_s, plant.bias, plant.noise, start)
+    return PlantSpec(
+        plant.kind,
+        plant.gain,
+        plant.tau_s or 0.0,
+        plant.dead_time_s,
+        plant.bias,
+        plant.noise,
+        start,
+        plant.cool_gain,
+        60.0 if plant.stroke_s is None else plant.stroke_s,
+        plant.backlash,
+        plant.stiction,
+        plant.position,
+    )

@@ -5,15 +5,18 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import Any
 
+import numpy as np
+
 from ahgateway.apps.monitor import LinkChange, Monitor, Report
 from ahgateway.apps.report import hexadecimal, number
 from ahgateway.clock import MILLISECOND, SECOND
 from ahgateway.core import flags
+from ahgateway.core.controllers.pid_reg_ce import PHASES
 from ahgateway.core.real import ulp_distance
 from ahgateway.core.verdict import Verdict, reason
 from ahgateway.lockstep.causes import Blame
 from ahgateway.lockstep.events import Change, Finding
-from ahgateway.lockstep.follow import Follower, verdict_now
+from ahgateway.lockstep.follow import Follower, output_of, process_value_of, target_of, verdict_now
 from ahgateway.lockstep.judge import Execution
 from ahgateway.transports.base import LinkFigures
 
@@ -53,7 +56,7 @@ def event_line(report: Report) -> str | None:
 
 def blame_text(blame: Blame) -> str:
     """Which term, both values, both bit patterns, and the likeliest cause with its evidence."""
-    distance = ulp_distance(blame.plc, blame.ref)
+    distance = ulp_distance(blame.plc, blame.ref) if isinstance(blame.plc, np.floating) else None
     apart = f", {distance} ULP" if distance is not None else ""
     suspect = blame.suspects[0]
     return (
@@ -65,8 +68,8 @@ def blame_text(blame: Blame) -> str:
 
 def status_line(follower: Follower, utc_ns: int, now_ns: int) -> str:
     """One loop as it stands now."""
-    picture = follower.picture
-    name = follower.loop.name
+    picture, loop = follower.picture, follower.loop
+    name = loop.name
     if picture is None:
         return f"{clock_time(utc_ns)} {name} no picture yet"
     counts = follower.summary()
@@ -74,14 +77,19 @@ def status_line(follower: Follower, utc_ns: int, now_ns: int) -> str:
     age_s = (now_ns - picture.last_ns) / SECOND
     return (
         f"{clock_time(utc_ns)} {name} {verdict.value if verdict else 'WAITING'} "
-        f"SV {shown(picture.inputs.sv)} PV {shown(picture.inputs.pv)} MV {shown(picture.seen['MV'])} "
+        f"SV {shown(target_of(loop, picture))} PV {shown(process_value_of(loop, picture))} "
+        f"MV {shown(output_of(loop, picture))} "
         f"{terms_text(follower)} proven {counts.proven} of {counts.total} ({counts.coverage:.1%}) "
         f"diverged {counts.diverged} age {age_s:.2f} s"
     )
 
 
 def terms_text(follower: Follower) -> str:
-    """P, I, D and BIAS of the reference's last execution, and what it says of itself; `~` marks unsettled bits."""
+    """P, I, D and BIAS of the reference's last execution, what drives the actuator, and what it says of itself.
+
+    `~` marks unsettled bits. Pulses of a motor valve show their phase and what is left of it in calls, heating and
+    cooling show their share and whether their pulse is on.
+    """
     last = follower.last
     if last is None or last.terms is None:
         return "P - I - D -"
@@ -92,7 +100,20 @@ def terms_text(follower: Follower) -> str:
         if hasattr(terms, name)
     )
     said = ",".join(flags.names(terms.flags))
+    drives = actuator_text(terms)
+    text = f"{text} {drives}".strip() if drives else text
     return f"{text} [{said}]" if said else text
+
+
+def actuator_text(terms: Any) -> str:
+    """What a motor valve, or heating and cooling, are told to do; empty for an ordinary output."""
+    if hasattr(terms, "open_out"):
+        motion = "OPEN" if terms.open_out else ("CLOSE" if terms.close_out else "STAND")
+        return f"{PHASES[terms.phase]} {terms.ticks} {motion}"
+    if hasattr(terms, "outputheat"):
+        heat, cool = terms.outputheat_pwm, terms.outputcool_pwm
+        return f"HEAT {shown(terms.outputheat)} {shown(heat)} COOL {shown(terms.outputcool)} {shown(cool)}"
+    return ""
 
 
 def link_line(target: str, figures: LinkFigures) -> str:

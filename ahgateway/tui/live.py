@@ -13,7 +13,7 @@ from rich.text import Text
 from ahgateway.apps.monitor import Monitor, Report
 from ahgateway.clock import SECOND, Clock
 from ahgateway.core.verdict import Verdict
-from ahgateway.lockstep.follow import Follower, verdict_now
+from ahgateway.lockstep.follow import Follower, output_of, process_value_of, target_of, verdict_now
 from ahgateway.tui.lines import event_line, link_line, shown
 
 REDRAWS_PER_SECOND = 8
@@ -79,7 +79,8 @@ class LiveTable:
         age_ns = self._clock.now_ns() - picture.last_ns
         is_stale = age_ns > STALE_NS
         terms = follower.last.terms if follower.last else None
-        values = [picture.inputs.sv, picture.inputs.pv, picture.seen["MV"]]
+        loop = follower.loop
+        values = [target_of(loop, picture), process_value_of(loop, picture), output_of(loop, picture)]
         cells = [shown(value) for value in values]
         cells += [shown(getattr(terms, name)) if hasattr(terms, name) else "-" for name in ("p", "i", "d", "bias")]
         counts = follower.summary()

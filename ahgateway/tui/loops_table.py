@@ -14,6 +14,7 @@ from ahgateway.apps.board import Board
 from ahgateway.apps.health import label
 from ahgateway.apps.monitor import Watch
 from ahgateway.clock import SECOND
+from ahgateway.lockstep.follow import is_automatic, output_of, process_value_of, target_of
 from ahgateway.tui.lines import shown
 from ahgateway.tui.lines_panel import Line, LinesPanel, columns
 
@@ -127,8 +128,12 @@ class LoopsTable(Vertical):
         values = ["-"] * 3
         mode, age = "-", "-"
         if picture is not None and fresh.age_ns is not None:
-            values = [shown(value) for value in (picture.inputs.sv, picture.inputs.pv, picture.seen["MV"])]
-            mode = mode_word(picture.inputs)
+            loop = watch.loop
+            three = (target_of(loop, picture), process_value_of(loop, picture), output_of(loop, picture))
+            values = [shown(value) for value in three]
+            mode = (
+                mode_word(picture.inputs) if is_automatic(loop, picture) or loop.controller.begin is None else "manual"
+            )
             age = f"{fresh.age_ns / SECOND:.1f} s"
         if fresh.is_stale:
             values = [f"({value})" for value in values]

@@ -73,7 +73,7 @@ def test_a_map_of_ones_own_is_a_file(tmp_path) -> None:
 def test_an_unknown_map_is_answered_with_those_that_exist() -> None:
     with pytest.raises(ProfileError) as caught:
         device_map.load("ah50")
-    assert "shipped device maps: ah500, as500, dvp" in caught.value.message
+    assert "shipped device maps: ah500, as500, dvp, melsec" in caught.value.message
     assert caught.value.hint == "did you mean `ah500`?"
 
 

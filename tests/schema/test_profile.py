@@ -250,7 +250,9 @@ def test_a_profile_is_found_by_path_or_by_the_name_of_an_example(tmp_path) -> No
     assert profile.load("demo").station().name == "Demo"
     with pytest.raises(ProfileError) as caught:
         profile.load("demoo")
-    assert caught.value.message == "`demoo` is no file and no shipped name; shipped examples: can, demo, single"
+    assert caught.value.message == (
+        "`demoo` is no file and no shipped name; shipped examples: can, demo, melsec_pid, pid_reg_ce, pid_temp, single"
+    )
     assert caught.value.hint == "did you mean `demo`?"
 
 
