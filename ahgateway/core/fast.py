@@ -216,7 +216,9 @@ def _njit(*, is_inner: bool = False) -> Any:
     """
     from numba import njit
 
-    return njit(error_model="numpy", fastmath=False, no_cpython_wrapper=is_inner, no_cfunc_wrapper=is_inner)
+    # numba's own stubs do not know the last two options.
+    options: dict[str, Any] = {"no_cpython_wrapper": is_inner, "no_cfunc_wrapper": is_inner}
+    return njit(error_model="numpy", fastmath=False, **options)
 
 
 @lru_cache(maxsize=256)

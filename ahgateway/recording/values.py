@@ -81,7 +81,8 @@ def column(words: Words, kind: Kind, first: int, length: int = 2) -> NDArray[Any
     if kind is Kind.BLOCK:
         return part
     if kind is Kind.BOOL:
-        return part[:, 0] != 0
+        switches: NDArray[np.bool_] = part[:, 0] != 0
+        return switches
     if kind is Kind.INT:
         return np.ascontiguousarray(part[:, 0]).view("<i2")
     values: NDArray[Any] = part.view("<f4" if kind is Kind.REAL else "<i4")
