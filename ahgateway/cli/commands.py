@@ -29,6 +29,10 @@ class Row(NamedTuple):
 COMMANDS: dict[str, Row] = {
     "demo": Row("demo:demo", "See the whole thing work, without a PLC, in about 15 seconds."),
     "monitor": Row("monitor:monitor", "Follow every loop of a profile and compare each execution with the reference."),
+    "doctor": Row(
+        "doctor:doctor",
+        "Check ports, adapter, clock and line, and say whether the loops of a profile can be followed over it.",
+    ),
     "read": Row("read:read", "Read devices, or every operand of a loop, once."),
     "replay": Row(
         "replay:replay", "Follow a recording again and list every execution, term by term, PLC beside reference."

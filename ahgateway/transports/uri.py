@@ -14,6 +14,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 from urllib.parse import parse_qsl, unquote, urlsplit
 
 from ahgateway.clock import Clock
@@ -21,6 +22,9 @@ from ahgateway.codec.can_objects import CanMap
 from ahgateway.codec.station import Pacing
 from ahgateway.errors import ProfileError, StateError
 from ahgateway.transports.base import Link, Tap
+
+if TYPE_CHECKING:
+    from ahgateway.transports.line import Line
 
 MODBUS_TCP_PORT = 502
 SPEED_MAX = 1e6
@@ -245,17 +249,21 @@ def _converter_link(target: Target, clock: Clock, pacing: Pacing, tap: Tap | Non
 
 def _serial_link(target: Target, clock: Clock, pacing: Pacing, tap: Tap | None) -> Link:
     from ahgateway.transports.ascii import AsciiReplies
-    from ahgateway.transports.line import Line
     from ahgateway.transports.rtu import RtuReplies
     from ahgateway.transports.serial_link import SerialLink
 
-    is_rtu = target.scheme == "modbus+rtu"
-    line = Line(
+    framing = RtuReplies if target.scheme == "modbus+rtu" else AsciiReplies
+    return SerialLink(line_of(target), clock=clock, pacing=pacing, tap=tap, framing=framing, scheme=target.scheme)
+
+
+def line_of(target: Target) -> Line:
+    """Return port and settings of a `modbus+rtu://` or `modbus+ascii://` target, defaults filled in."""
+    from ahgateway.transports.line import Line
+
+    return Line(
         target.path,
         baud=target.whole("baud", 9600),
         parity=target.options.get("parity", "E"),
-        bits=target.whole("bits", 8 if is_rtu else 7),
+        bits=target.whole("bits", 8 if target.scheme == "modbus+rtu" else 7),
         stop=target.whole("stop", 1),
     )
-    framing = RtuReplies if is_rtu else AsciiReplies
-    return SerialLink(line, clock=clock, pacing=pacing, tap=tap, framing=framing, scheme=target.scheme)
