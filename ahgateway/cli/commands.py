@@ -33,6 +33,7 @@ COMMANDS: dict[str, Row] = {
         "doctor:doctor",
         "Check ports, adapter, clock and line, and say whether the loops of a profile can be followed over it.",
     ),
+    "scan": Row("scan:scan", "Ask every unit of a line or host for one register and say who answers."),
     "read": Row("read:read", "Read devices, or every operand of a loop, once."),
     "replay": Row(
         "replay:replay", "Follow a recording again and list every execution, term by term, PLC beside reference."
