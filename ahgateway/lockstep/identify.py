@@ -29,6 +29,7 @@ from ahgateway.lockstep.shadow import (
     merged,
     recalled,
     state_key,
+    without_pv,
 )
 from ahgateway.lockstep.thinning import first_plain, is_dependent, thinned
 
@@ -216,8 +217,11 @@ def _advanced(loop: Loop, candidate: _Candidate, each: Observation) -> list[_Can
     names = judged_names(loop)
 
     def run(dialect: Any) -> Shadow | None:
-        found = explain(replace(loop, dialect=dialect), candidate.shadow, variants, each.after.seen, names)
-        return merged(fit.after for fit in found.fits) if found.fits else None
+        asking = replace(loop, dialect=dialect)
+        found = explain(asking, candidate.shadow, variants, each.after.seen, names)
+        if found.fits:
+            return merged(fit.after for fit in found.fits)
+        return without_pv(asking, candidate.shadow, variants, each.after.seen) or None
 
     grown = [_Candidate(fixed, shadow) for fixed, shadow in branched(candidate.fixed, run)]
     return joined(grown, candidate.fixed) if len(grown) > 1 else grown

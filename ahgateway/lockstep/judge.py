@@ -18,7 +18,6 @@ from ahgateway.core.verdict import Proof, Verdict, Weight
 from ahgateway.lockstep.causes import Blame, Suspect, agreeing, blame
 from ahgateway.lockstep.picture import Picture, predicted
 from ahgateway.lockstep.shadow import (
-    Bound,
     Explanation,
     Fit,
     Shadow,
@@ -27,7 +26,9 @@ from ahgateway.lockstep.shadow import (
     is_settled,
     judged_names,
     merged,
+    patched,
     recalled,
+    without_pv,
 )
 
 TRIVIAL_FLAGS = flag.MANUAL | flag.STOPPED | flag.BAD_INPUT | flag.AUTOTUNE | flag.FREEZE_HI | flag.FREEZE_LO
@@ -35,6 +36,7 @@ TRIVIAL_FLAGS = flag.MANUAL | flag.STOPPED | flag.BAD_INPUT | flag.AUTOTUNE | fl
 SEEDING = "the first execution seen shows what the instruction remembers; judging starts with the next"
 OPEN_STATE = "what the instruction remembers but does not show is not settled yet"
 SEVERAL = "more than one execution fitted between two pictures; poll faster than CYCLE"
+UNRECORDED_PV = "in manual this dialect records no PV, so that the integral cannot be predicted"
 TUNING = "PID_MODE is 1: the auto-tuner's law is not published"
 
 
@@ -109,6 +111,9 @@ def judge(
     if overwritten is not None:
         execution = _agreed(loop, overwritten, names, before, after, written=("MOUT",))
         return execution, merged(fit.after for fit in overwritten.fits)
+    unrecorded = without_pv(loop, shadow, variants, after.seen)
+    if unrecorded:
+        return Execution(Verdict.UNOBSERVABLE, reason=UNRECORDED_PV, inputs=after.inputs), unrecorded
     assert found.nearest is not None
     proof = _proof(loop, found.nearest, names, after.seen)
     if proof is not None:
@@ -208,9 +213,3 @@ def _proof(loop: Loop, fit: Fit, names: tuple[str, ...], seen: Mapping[str, REAL
             for name in names
         )
     )
-
-
-def patched(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> Shadow:
-    """Go on from what the PLC shows, with the reference's own hidden state."""
-    shown = {word.attr: seen[word.name] for word in loop.controller.seen if hasattr(fit.after.low, word.attr)}
-    return (Bound(fit.after.low._replace(**shown), fit.after.high._replace(**shown)),)

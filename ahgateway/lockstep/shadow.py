@@ -22,7 +22,8 @@ import numpy as np
 
 from ahgateway.codec.station import Const, Loop
 from ahgateway.core import flags as flag
-from ahgateway.core.dialect import Filter
+from ahgateway.core.controllers.dpide import D_BOUND
+from ahgateway.core.dialect import CrossBand, Filter, ManualFilter
 from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits
 from ahgateway.lockstep.interval import intervals
 from ahgateway.lockstep.picture import Picture, predicted
@@ -238,9 +239,45 @@ def explain(
                 if nearest is None or distance < nearest[0]:
                     nearest = (distance, fit)
         if fitting:
-            fits.extend(fitting)
+            fits.extend(each for fit in fitting for each in _unrecorded(loop, fit))
             is_decided = is_decided or _is_told(by_interval, fitting)
     return Explanation(tuple(fits), is_decided, nearest[1] if nearest else None)
+
+
+def hides_pv(loop: Loop, inputs: Any) -> bool:
+    """Tell whether an execution with these inputs leaves no trace of the PV that it read: manual, history held."""
+    if loop.controller.law_ts is None or not inputs.pid_man or not inputs.pid_run:
+        return False
+    return bool(loop.dialect.manual_history)
+
+
+def _unrecorded(loop: Loop, fit: Fit) -> list[Fit]:
+    """Open what follows from a PV that the execution did not record: D's filter and the cross status of DPIDE."""
+    low, high = fit.after
+    if not hasattr(low, "cross") or not hides_pv(loop, fit.inputs):
+        return [fit]
+    statuses: tuple[bool, ...] = (False,)
+    if fit.inputs.err_dbw != 0 and loop.dialect.cross_band != CrossBand.OFF and not loop.dialect.cross_manual:
+        statuses = (False, True)
+    contents = [(low.d, high.d)]
+    if fit.inputs.td_kd > 0 and loop.dialect.manual_filter == ManualFilter.RUNS:
+        contents = [(-D_BOUND, D_BOUND)]
+    elif fit.inputs.td_kd > 0 and loop.dialect.manual_filter == ManualFilter.CLEARED:
+        # The law clears it where it would have changed.
+        contents = [(REAL(0), REAL(0)), (fit.before.low.d, fit.before.high.d)]
+    return [
+        fit._replace(after=Bound(low._replace(d=first, cross=cross), high._replace(d=last, cross=cross)))
+        for first, last in contents
+        for cross in statuses
+    ]
+
+
+def without_pv(loop: Loop, shadow: Shadow, variants: Iterable[Any], seen: Mapping[str, REAL]) -> Shadow:
+    """Go on behind an execution in which I_MV follows from a PV that no register shows; () when it was no such one."""
+    hiding = [inputs for inputs in variants if hides_pv(loop, inputs) and loop.dialect.manual_integral]
+    names = tuple(name for name in judged_names(loop) if name != "I_MV")
+    found = explain(loop, shadow, hiding, seen, names)
+    return merged(bound for fit in found.fits for bound in patched(loop, fit, seen))
 
 
 def _is_excluded(
@@ -369,3 +406,9 @@ def restarted(shadow: Shadow) -> Shadow:
         if hasattr(bound.low, "valid")
     ]
     return merged([*shadow, *fresh])
+
+
+def patched(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> Shadow:
+    """Go on from what the PLC shows, with the reference's own hidden state."""
+    shown = {word.attr: seen[word.name] for word in loop.controller.seen if hasattr(fit.after.low, word.attr)}
+    return (Bound(fit.after.low._replace(**shown), fit.after.high._replace(**shown)),)
