@@ -55,8 +55,12 @@ def fault(name: str, controller: Controller) -> Fault:
     Raises:
         StateError: There is none, or it means nothing for this instruction.
     """
-    found = FAULTS.get(name)
-    suitable = [each.name for each in FAULTS.values() if controller.name in each.controllers]
+    # Imported here because its faults are made with this module's means.
+    from ahgateway.fake.call_faults import CALL_FAULTS
+
+    known = {**FAULTS, **CALL_FAULTS}
+    found = known.get(name)
+    suitable = [each.name for each in known.values() if controller.name in each.controllers]
     if found is None:
         near = get_close_matches(name, suitable, 1, 0.5)
         raise StateError(
@@ -226,6 +230,8 @@ def _integral_late(step: Step) -> Step:
 def _unchanged(step: Step) -> Step:
     return step
 
+
+inputs_changed, more = _inputs, _more
 
 _BOTH = frozenset({"DPID", "DPIDE"})
 _DPIDE = frozenset({"DPIDE"})

@@ -28,6 +28,9 @@ RATIO_MIN, RATIO_MAX = 0.2, 5.0
 FIT_SHARE = 1e-4
 """How far a fitted factor may leave the output from what was written, as a share of it."""
 
+SIZE_MAX = 1e30
+"""Larger values stand for `no limit`."""
+
 TRIES = 6
 NEIGHBOURS = 4
 """Rounding of a sum computed back is no more than this many REALs away."""
@@ -139,7 +142,7 @@ def _gains(case: _Case) -> list[Suspect]:
         is_sized = row.kind is Kind.REAL or (row.kind is Kind.INT and row.unit)
         if is_sized and row.minimum is not None and 0 <= row.minimum <= 1:
             value = getattr(case.fit.inputs, row.attr, None)
-            if value is None or not isfinite(value) or value <= 0:
+            if value is None or not 0 < value < SIZE_MAX:
                 continue
             ratio = _fitted(case, _scaling(case, row.attr, float(value)))
             if ratio is not None:

@@ -238,19 +238,27 @@ def _narrowed(loop: Loop, inputs: Any, bound: Bound, seen: Mapping[str, Any]) ->
         return []
     mv = loop.controller.roles.mv
 
-    def at(position: int) -> Any:
+    names = names_for(loop, bound)
+
+    def at(position: int) -> dict[str, Any]:
         state = replaced(bound.low, path, from_order(position))
         after, terms, _ = stepped(loop, inputs, Bound(state, state))
-        return predicted(loop.controller, after.low, terms)[mv]
+        return predicted(loop.controller, after.low, terms)
 
     first, last = order(field_at(bound.low, path)), order(field_at(bound.high, path))
-    low = _first(first, last, lambda position: at(position) >= seen[mv])
-    high = _first(first, last, lambda position: at(position) > seen[mv]) - 1
+    low = _first(first, last, lambda position: at(position)[mv] >= seen[mv])
+    high = _first(first, last, lambda position: at(position)[mv] > seen[mv]) - 1
     if low > high:
+        return []
+    # At a limit the output is the same for many; what else is seen, an integral that is frozen, changes at one place.
+    if agree(names, at(low), seen):
+        high = _first(low, high, lambda position: not agree(names, at(position), seen)) - 1
+    elif agree(names, at(high), seen):
+        low = _first(low, high, lambda position: agree(names, at(position), seen))
+    else:
         return []
     part = Bound(replaced(bound.low, path, from_order(low)), replaced(bound.low, path, from_order(high)))
     after, terms, high_terms = stepped(loop, inputs, part)
-    names = names_for(loop, bound)
     for state, said in ((after.low, terms), (after.high, high_terms)):
         if not agree(names, predicted(loop.controller, state, said), seen):
             return []
