@@ -152,8 +152,8 @@ class PlantSpec:
     """The process that the fake PLC hangs on a loop: PV follows MV.
 
     Attributes:
-        kind: `fopdt` first order with dead time, `integrating` with dead time, or `heat_cool`, first order with a
-            heater and a cooler.
+        kind: `fopdt` first order with dead time, `sopdt` second order, `integrating` with dead time, or `heat_cool`,
+            first order with a heater and a cooler.
         gain: PV per MV; PV per MV and second when integrating.
         tau_s: Time constant in s; not used when integrating.
         dead_time_s: Dead time in s.
@@ -165,6 +165,7 @@ class PlantSpec:
         backlash: Backlash of its gear in %.
         stiction: Further way before a resting stem breaks loose, in %.
         position: Where it stands at the start, in %.
+        tau2_s: Second time constant in s, sopdt only.
     """
 
     kind: str
@@ -179,6 +180,7 @@ class PlantSpec:
     backlash: float = 0.0
     stiction: float = 0.0
     position: float = 0.0
+    tau2_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,7 @@ from ahgateway.plants.fopdt import Fopdt
 from ahgateway.plants.heat_cool import HeatCool
 from ahgateway.plants.integrating import Integrating
 from ahgateway.plants.motor_valve import FULL, MotorValve
+from ahgateway.plants.sopdt import Sopdt
 
 DEFAULT_PLANT = PlantSpec("fopdt", gain=1.0, tau_s=10.0, dead_time_s=0.5)
 """The process of a loop for which nobody described one."""
@@ -43,6 +44,8 @@ def make_plant(loop: Loop, spec: PlantSpec) -> Plant[Any]:
     try:
         if spec.kind == "fopdt":
             return Fopdt(spec.gain, spec.tau_s, spec.dead_time_s, spec.bias, spec.initial)
+        if spec.kind == "sopdt":
+            return Sopdt(spec.gain, spec.tau_s, spec.tau2_s, spec.dead_time_s, spec.bias, spec.initial)
         if spec.kind == "heat_cool":
             return HeatCool(spec.gain, spec.cool_gain, spec.tau_s, spec.dead_time_s, spec.bias, spec.initial)
         if spec.kind == "integrating":
@@ -50,7 +53,7 @@ def make_plant(loop: Loop, spec: PlantSpec) -> Plant[Any]:
             return Integrating(spec.gain, spec.dead_time_s, spec.bias, spec.initial, *bounds)
     except ValueError as error:
         raise ProfileError(str(error), key=key) from error
-    raise ProfileError(f"unknown kind `{spec.kind}`, known are `fopdt`, `integrating` and `heat_cool`", key=key)
+    raise ProfileError(f"unknown kind `{spec.kind}`, known are `fopdt`, `sopdt`, `integrating` and `heat_cool`", key=key)
 
 
 def make_valve(loop: Loop, spec: PlantSpec) -> MotorValve:
