@@ -1,4 +1,4 @@
-"""Many random histories of a link on a faulty line; says every one that breaks a law and exits 1.
+"""Many random histories of a link on a faulty line; says every one that breaks a law and exits 1. Needs Linux.
 
 python tests/bench/fuzz_link.py [--histories 100000] [--first 0]
 """
@@ -6,13 +6,16 @@ python tests/bench/fuzz_link.py [--histories 100000] [--first 0]
 from __future__ import annotations
 
 import argparse
+import resource
 import sys
 import time
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from transports.faulty_line import WIRES, faults_of
+from transports.faulty_line import WIRES, History, broken_laws
+
+EXCHANGES = 12
 
 
 def main() -> int:
@@ -20,13 +23,21 @@ def main() -> int:
     parser.add_argument("--histories", type=int, default=100_000)
     parser.add_argument("--first", type=int, default=0)
     arguments = parser.parse_args()
-    broken, started = 0, time.perf_counter()
+    wires, broken, frames, started = list(WIRES), 0, 0, time.perf_counter()
+    begun_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     for number in range(arguments.histories):
-        for said in faults_of(arguments.first + number, list(WIRES)[number % len(WIRES)]):
+        seed, wire = arguments.first + number, wires[number % len(wires)]
+        history = History(seed, wire)
+        for said in broken_laws(history, history.run(EXCHANGES), seed):
             broken += 1
             sys.stdout.write(said + "\n")
+        frames += history.frames
     took = time.perf_counter() - started
-    sys.stdout.write(f"{arguments.histories} histories, {broken} laws broken, {took:.0f} s\n")
+    peak_kib = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    sys.stdout.write(
+        f"{arguments.histories} histories, {frames} frames, {broken} laws broken, {took:.0f} s, "
+        f"memory {begun_kib} -> {peak_kib} KiB\n"
+    )
     return 1 if broken else 0
 
 

@@ -16,6 +16,7 @@ from ahgateway.errors import AhGatewayError
 from ahgateway.transports.ascii import AsciiReplies, AsciiRequests
 from ahgateway.transports.base import LinkFigures, Reply
 from ahgateway.transports.engine import Engine, Limits
+from ahgateway.transports.fault import DETECTABLE, FaultyWire, Piece, Rule, Script
 from ahgateway.transports.framing import Framing, Mbap
 from ahgateway.transports.responder import Responder
 from ahgateway.transports.rtu import RtuReplies, RtuRequests
@@ -28,19 +29,7 @@ WIRES: dict[str, tuple[type[Framing], type[Framing]]] = {
 TIMEOUT_NS = 50 * MILLISECOND
 PAUSE_NS = 2 * MILLISECOND
 """Longer than a second copy of a reply is behind the first: the link assumes that too."""
-FAULTS = (
-    "late",
-    "very late",
-    "lost",
-    "request lost",
-    "cut",
-    "corrupt",
-    "noise before",
-    "noise after",
-    "twice",
-    "split",
-)
-TCP_FAULTS = ("late", "very late", "lost", "request lost", "split")
+FAULT_RATE = 0.4
 
 
 @dataclass
@@ -91,9 +80,9 @@ class History:
         self.coming: list[tuple[int, int, bytes]] = []
         self.order = 0
         self.free_ns = 0
-        self.fault_rate = 0.4
-        self.faults = TCP_FAULTS if wire == "tcp" else FAULTS
+        self.faulty = FaultyWire(wire, Script((Rule(DETECTABLE[wire], rate=FAULT_RATE),), seed))
         self.reads_at_ns = 0
+        self.frames = 0
 
     def answer(self, request: Request) -> tuple[int, ...]:
         now_ms = self.reads_at_ns // MILLISECOND
@@ -106,7 +95,7 @@ class History:
     def run(self, exchanges: int) -> list[Outcome]:
         """Return the outcomes of `exchanges` on the bad line and of at least one on the good line after it."""
         outcomes = [self.exchange() for _ in range(exchanges)]
-        self.fault_rate = 0.0
+        self.faulty.script = Script((), 0)
         for _ in range(200):
             outcomes.append(self.exchange())
             if outcomes[-1].reply is not None:
@@ -147,41 +136,32 @@ class History:
 
     def _transmit(self, frame: bytes) -> None:
         rng = self.random
-        fault = rng.choice(self.faults) if rng.random() < self.fault_rate else ""
-        if fault == "request lost":
-            return
-        delay_ms = {"late": rng.randrange(40, 90), "very late": rng.randrange(90, 400)}.get(fault, rng.randrange(1, 20))
-        self.reads_at_ns = max(self.free_ns, self.clock.now_ns()) + delay_ms * MILLISECOND // 2
-        self.free_ns = self.reads_at_ns + delay_ms * MILLISECOND // 2
-        answer = self.responder.feed(frame)
-        if fault != "lost":
-            for piece in self._spoil(answer, fault):
-                self.order += 1
-                heapq.heappush(self.coming, (self.free_ns, self.order, piece))
-                self.free_ns += rng.randrange(0, 2) * MILLISECOND
+        self.frames += 1
+        asked, back = self.faulty.request(frame)
+        delay_ns = rng.randrange(1, 20) * MILLISECOND
+        self.reads_at_ns = max(self.free_ns, self.clock.now_ns()) + delay_ns // 2
+        answered_ns = self.reads_at_ns + delay_ns // 2
+        if asked:
+            back = back + self.faulty.reply(self.responder.feed(asked))
+        for piece in back:
+            self.frames += 1
+            self._send(piece, answered_ns)
 
-    def _spoil(self, answer: bytes, fault: str) -> list[bytes]:
-        rng = self.random
-        place = rng.randrange(0, len(answer))
-        if fault == "cut":
-            return [answer[:place]]
-        if fault == "corrupt":
-            return [answer[:place] + bytes((answer[place] ^ 1 << rng.randrange(8),)) + answer[place + 1 :]]
-        if fault == "noise before":
-            return [rng.randbytes(rng.randrange(1, 12)), answer]
-        if fault == "noise after":
-            return [answer, rng.randbytes(rng.randrange(1, 12))]
-        if fault == "twice":
-            return [answer, answer]
-        if fault == "split":
-            return [answer[:place], answer[place:]]
-        return [answer]
+    def _send(self, piece: Piece, earliest_ns: int) -> None:
+        self.free_ns = max(self.free_ns, earliest_ns) + piece.delay_ns
+        self.order += 1
+        heapq.heappush(self.coming, (self.free_ns, self.order, piece.data))
 
 
 def faults_of(seed: int, wire: str, exchanges: int = 12) -> list[str]:
     """Run one history and say what in it broke a law; empty when all is well."""
     history = History(seed, wire)
-    outcomes = history.run(exchanges)
+    return broken_laws(history, history.run(exchanges), seed)
+
+
+def broken_laws(history: History, outcomes: list[Outcome], seed: int, *, is_end: bool = True) -> list[str]:
+    """Say which of the outcomes broke a law."""
+    wire = history.wire
     said = []
     for outcome in outcomes:
         if not outcome.is_true:
@@ -190,6 +170,6 @@ def faults_of(seed: int, wire: str, exchanges: int = 12) -> list[str]:
             said.append(f"{wire} seed {seed}: {outcome.request} took {(outcome.ended_ns - outcome.asked_ns) / 1e6} ms")
         if outcome.error is not None and not isinstance(outcome.error, AhGatewayError):
             said.append(f"{wire} seed {seed}: {outcome.error!r}")
-    if outcomes[-1].reply is None:
+    if is_end and outcomes[-1].reply is None:
         said.append(f"{wire} seed {seed}: the line is sound and the link has not come back")
     return said
