@@ -8,12 +8,15 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from difflib import get_close_matches
 from typing import Any
 
 import numpy as np
 
 from ahgateway.apps.report import number
+from ahgateway.errors import ProfileError
 from ahgateway.tuning.blocks import BLOCKS, Params
+from ahgateway.tuning.compare import Comparison, compare
 from ahgateway.tuning.findings import Finding, Weight
 from ahgateway.tuning.identify import Identification, identify
 from ahgateway.tuning.models import Kind, Model
@@ -144,6 +147,44 @@ def _again(identified: Identification, loop: LoopForm, found: tuple[Proposal, ..
     return out
 
 
+def compared(result: Tuning, proposal: Proposal | None) -> Comparison | None:
+    """Return MV of the recorded run with the present gains and with a proposal's; None where either is not known."""
+    if proposal is None or result.present is None or result.loop is None:
+        return None
+    loop = result.loop
+    old = BLOCKS[loop.instruction].settings(loop.settings)
+    return compare(result.identified.record, loop.instruction, old, old | proposal.settings, loop.dialect)
+
+
+def comparison_text(found: Comparison) -> str:
+    """Return the comparison in one line, its one number first."""
+    old, new = found.travel
+    return (
+        f"on the recorded PV the new gains differ by {found.difference:.4g} MV (rms), {found.largest:.4g} at most; "
+        f"MV travels {new:.4g} instead of {old:.4g}"
+    )
+
+
+def named(result: Tuning, rule: str) -> Proposal:
+    """Return the proposal of a rule; `recommended` is the recommended one.
+
+    Raises:
+        ProfileError: No proposal has that name.
+    """
+    if rule.lower() == "recommended" and result.chosen is not None:
+        return result.chosen
+    by_name = {each.name.lower(): each for each in result.found}
+    if rule.lower() in by_name:
+        return by_name[rule.lower()]
+    near = get_close_matches(rule.lower(), by_name, 1)
+    raise ProfileError(
+        f"`{rule}` has no proposal here, there are {', '.join(each.name for each in result.found) or 'none'}"
+        + ("" if result.chosen else "; none is recommended"),
+        key="--apply",
+        hint=f"did you mean `{by_name[near[0]].name}`?" if near else None,
+    )
+
+
 def iae(response: Response) -> float:
     """Integral of |SV − PV| over a response in PV·s."""
     ts = float(np.median(np.diff(response.t_s)))
@@ -171,7 +212,15 @@ def as_json(result: Tuning) -> Json:
         "present": _proposal_json(result.present, result) if result.present else None,
         "proposals": [_proposal_json(each, result) for each in result.found],
         "recommended": result.chosen.name if result.chosen else None,
+        "compared": _compared_json(compared(result, result.chosen)),
     }
+
+
+def _compared_json(found: Comparison | None) -> Json | None:
+    if found is None:
+        return None
+    old, new = found.travel
+    return {"rms": found.difference, "largest": found.largest, "mv_travel_old": old, "mv_travel_new": new}
 
 
 def _model_json(identified: Identification) -> Json | None:
@@ -264,6 +313,9 @@ def as_text(result: Tuning) -> str:
     if result.chosen is not None:
         written = ", ".join(f"{name} {shown(value)}" for name, value in result.chosen.settings.items())
         lines += ["", f"recommended: {result.chosen.name}: {written}"]
+        side_by_side = compared(result, result.chosen)
+        if side_by_side is not None:
+            lines.append(f"  {comparison_text(side_by_side)}")
     else:
         lines += ["", "recommended: none, no proposal is robust (Ms above 1.7): turn the dial down"]
     return "\n".join(lines)

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from ahgateway.apps.pages import figure, framed, svg
-from ahgateway.apps.tune import HEADS, Tuning, iae, model_text, rows, shown
+from ahgateway.apps.tune import HEADS, Tuning, compared, comparison_text, iae, model_text, rows, shown
+from ahgateway.tuning.compare import Comparison
 from ahgateway.tuning.predict import Response
 from ahgateway.tuning.propose import Proposal
 
@@ -35,6 +36,8 @@ band). Ms, GM and PM are those of the sampled loop. IAE in PV·s.</p>
 {% for name, old, new in changes %}<tr><td>{{ name }}</td><td>{{ old }}</td><td>{{ new }}</td></tr>{% endfor %}</table>
 <p class="muted">{{ chosen.source }}</p>
 {% endif %}
+{% if compared %}<figure>{{ compared }}<figcaption>MV side by side, from the recorded SV and PV through the exact law:
+{{ compared_text }}.</figcaption></figure>{% endif %}
 <figure>{{ prediction }}<figcaption>Predicted: a setpoint step of {{ sv_step }} (left part of the time axis from 0),
 and a load step of {{ load_step }} in MV.</figcaption></figure>
 {% if again %}<figure>{{ again }}<figcaption>The recorded run again, with what disturbed it then: as recorded (IAE
@@ -76,6 +79,12 @@ def page(result: Tuning) -> str:
                 for name, value in (result.chosen.settings.items() if result.chosen else ())
             ],
         }
+        side_by_side = compared(result, best)
+        if side_by_side is not None:
+            facts |= {
+                "compared": _side_by_side(side_by_side, best.name),
+                "compared_text": comparison_text(side_by_side),
+            }
         if best.name in result.again:
             trace = Response(record.t_s, record.sv, record.pv, record.mv)
             facts |= {"again": _again(trace, result.again[best.name], best.name), "recorded_iae": f"{iae(trace):.4g}"}
@@ -127,5 +136,22 @@ def _again(then: Response, now: Response, name: str) -> Any:
     axes[1].step(now.t_s, now.mv, where="post", color="#26734d", linewidth=1.0)
     axes[0].set_ylabel("PV")
     axes[1].set_ylabel("MV")
+    axes[-1].set_xlabel("s")
+    return svg(made)
+
+
+def _side_by_side(found: Comparison, name: str) -> Any:
+    made, axes = figure(2)
+    axes[0].plot(found.t_s, found.pv, color="#59626c", linewidth=0.9, label="PV")
+    axes[0].plot(found.t_s, found.sv, color="#1b1f24", linewidth=0.8, linestyle="--", label="SV")
+    for values, colour, label in (
+        (found.recorded, "#b9c0c7", "recorded"),
+        (found.old, "#59626c", "present gains"),
+        (found.new, "#26734d", name),
+    ):
+        axes[1].step(found.t_s, values, where="post", color=colour, linewidth=1.0, label=label)
+    axes[0].set_ylabel("PV")
+    axes[1].set_ylabel("MV")
+    axes[1].legend(loc="best", frameon=False)
     axes[-1].set_xlabel("s")
     return svg(made)

@@ -73,7 +73,10 @@ def test_every_fact_stands_in_text_json_and_page():
     assert facts["proposals"][0]["settings"]["Kc_Kp"] == pytest.approx(1.57, rel=0.02)
     assert "recommended: SIMC PI" in as_text(found)
     html = page(found)
-    assert html.count("<svg") == 2
+    assert 3 == html.count("<svg")
+    assert "MV side by side" in html
+    assert "the new gains differ by" in as_text(found)
+    assert facts["compared"]["rms"] > 0.0
     assert "SIMC PI *" in html
     assert "http-equiv" not in html
     assert "<script" not in html
