@@ -67,6 +67,10 @@ COMMANDS: dict[str, Row] = {
         "Rebuild a controller's settings for another, name every approximation with its size, and prove the result.",
     ),
     "can": Row("can:app", "Look at a CAN bus, write an EDS, put the fake PLC on a bus."),
+    "proxy": Row(
+        "proxy:proxy",
+        "Pass Modbus between a client and a PLC, and spoil the line on purpose when faults are asked for.",
+    ),
     "fake": Row("fake:fake", "Run the PLC of a profile on this machine until Ctrl-C; it touches no real PLC."),
 }
 """Every command, in the order in which `--help` lists them."""
