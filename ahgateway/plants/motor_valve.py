@@ -10,10 +10,11 @@ FULL = 100.0
 
 
 class ValveState(NamedTuple):
-    """Position of the motor's end of the gear and of the stem, both in %."""
+    """Position of the motor's end of the gear and of the stem, both in %; the way in which the stem is moving, or 0."""
 
     motor: float
     stem: float
+    moving: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,11 +52,15 @@ class MotorValve:
         if dt_s < 0.0 or u != u:
             raise ValueError(f"a plant steps forward on a number: u = {u}, dt_s = {dt_s}")
         half = self.backlash / 2.0
+        slack = half + self.stiction
+        way = (u > 0.0) - (u < 0.0)
         motor = state.motor + u * FULL / self.stroke_s * dt_s
-        motor = min(max(motor, -half), FULL + half)
+        # The motor runs on until the stem stands at its end.
+        is_at_end = not -slack < motor < FULL + slack
+        motor = min(max(motor, -slack), FULL + slack)
         away = motor - state.stem
-        stem = state.stem
-        if abs(away) > half + self.stiction:
-            stem = motor - half if away > 0.0 else motor + half
-        stem = min(max(stem, 0.0), FULL)
-        return ValveState(motor, stem), stem
+        loose = state.moving == way or is_at_end
+        if way == 0 or abs(away) <= (half if loose else slack):
+            return ValveState(motor, state.stem, state.moving if way else 0), state.stem
+        stem = min(max(motor - half if away > 0.0 else motor + half, 0.0), FULL)
+        return ValveState(motor, stem, way), stem
