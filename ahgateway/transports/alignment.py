@@ -5,12 +5,12 @@ believed only while no other reply of the same shape can still be on its way. Th
 
 Theory of operation. A request that was sent and not answered leaves a *ghost*: the first bytes its late reply
 would have. While a unit has ghosts, nothing of it is believed; the next exchange is an *alignment probe*, a read of
-a count that no ghost has, so that its reply can be mistaken for none of theirs. A unit answers in the order in which
-it was asked and the line is first in, first out: once the probe's reply is here, every ghost has come or will
-never come. An exception carries no count and proves nothing while a ghost of the same function is out. A probe that
-stays unanswered is a ghost itself. After (re)connecting, or when a whole stray frame was heard, every unit is
-proven anew. What this cannot see: a second copy of a reply, held back longer than the pause between requests,
-exactly in the place of a later reply of the same shape.
+a count that no ghost has, nor a count next to it, so that its reply can be mistaken for none of theirs. A unit
+answers in the order in which it was asked and the line is first in, first out: once the probe's reply is here, every
+ghost has come or will never come. An exception carries no count and proves nothing while a ghost of the same function
+is out. A probe that stays unanswered is a ghost itself. After (re)connecting, or when a whole stray frame was heard,
+every unit is proven anew. What this cannot see: a second copy of a reply, held back longer than the pause between
+requests, exactly in the place of a later reply of the same shape.
 
 Source: ASSUMED a unit answers in order; ASSUMED a second copy follows the first within the pause;
 ASSUMED no reply is later than `HORIZON_TIMEOUTS`.
@@ -23,6 +23,9 @@ from ahgateway.transports.pdu import READ_BITS_MAX, READ_WORDS_MAX
 
 HORIZON_TIMEOUTS = 60
 """A reply that is later than this many time-outs is not expected any more; bounds the ghosts of a dead unit."""
+
+NEAR_SIZE = 2
+"""Bytes by which a miscounted reply may differ from what was asked."""
 
 _WORDS = (7, 5, 3, 11, 13, 9, 1, 2, 4, 6, 8, 10, *range(12, READ_WORDS_MAX + 1))
 """Counts of a probe in order of preference: short, and odd, which block reads of 32-bit values seldom are."""
@@ -72,9 +75,12 @@ class Alignment:
         fits = [count for count in _WORDS if count <= min(count_max, room)]
         # What is smaller than a read that worked lies surely inside the map.
         ranked = [count for count in fits if count <= known] + [count for count in fits if count > known]
-        for count in ranked:
-            if bytes((function, count * size)) not in ghosts:
-                return Read(request.unit, table, address, count * step)
+        owed = [head[1] for head in ghosts if head[0] == function]
+        # Not even near a ghost: a unit that miscounts by one must not be taken for one that answers the probe.
+        for distance in (NEAR_SIZE, 0):
+            for count in ranked:
+                if all(abs(count * size - each) > distance for each in owed):
+                    return Read(request.unit, table, address, count * step)
         oldest = min(ghosts, key=lambda head: ghosts[head])
         return Read(request.unit, table, address, max(1, oldest[1] // size if oldest[0] == function else 1) * step)
 

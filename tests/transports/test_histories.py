@@ -28,6 +28,12 @@ def test_no_history_hands_out_a_value_that_was_not_there(wire: str, seed: int) -
     assert faults_of(seed, wire) == []
 
 
+@pytest.mark.parametrize(("wire", "seed"), [("rtu", 1003772), ("rtu", 1006736), ("ascii", 1002408), ("ascii", 1005006)])
+def test_a_late_reply_that_is_one_word_short_or_long_proves_nothing(wire: str, seed: int) -> None:
+    """A probe whose count was next to that of an unanswered request was once answered by the miscounted late reply."""
+    assert faults_of(seed, wire) == []
+
+
 class Trusting(Alignment):
     """Believes every unit at all times, as clients without an alignment probe do."""
 
