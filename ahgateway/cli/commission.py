@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ahgateway.cli.gate_place import gate_directory, loop_named, until_stopped, who_asks
+from ahgateway.cli.tape import Record, Recorded, RecordFrames, one_loop, recorded
 from ahgateway.cli.view import Output
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from ahgateway.clock import Clock
     from ahgateway.codec.station import Loop, Station
     from ahgateway.schema.profile import Profile
-    from ahgateway.transports.base import Link
+    from ahgateway.transports.base import Link, Tap
 
 REHEARSAL_WARM_UP_S = 900
 WARM_UP_SCAN_NS, SCAN_NS = 50_000_000, 5_000_000
@@ -46,6 +47,7 @@ class Asked:
     save: bool
     directory: Path | None
     output: Output
+    tape: Recorded
 
 
 def commission(
@@ -74,13 +76,16 @@ def commission(
         bool, typer.Option("--rollback", help="Put back what the last run left, nothing else.")
     ] = False,
     directory: Annotated[Path | None, typer.Option(help="Where journals and leases stand.")] = None,
+    record: Record = None,
+    record_frames: RecordFrames = False,
     output: Annotated[Output, typer.Option(help="text for people, json for one object.")] = Output.TEXT,
 ) -> None:
     """Take one loop to a sheet to sign: find the link, settle the map, read the loop, shadow it, prove its wiring.
 
     Only reads, except step 5 with --arm LOOP: small steps of MOUT inside an envelope, and everything back. A `fake://`
-    target is rehearsed in virtual time, in seconds. What is done is kept; the next call goes on. Exit code 0 when every
-    check passed or was skipped with a reason, 1 when one failed, 3 when one stayed open.
+    target is rehearsed in virtual time, in seconds. What is done is kept; the next call goes on. With --record all that
+    is seen and written is kept in a recording too. Exit code 0 when every check passed or was skipped with a reason, 1
+    when one failed, 3 when one stayed open.
 
     Example: ahgateway commission demo --loop TIC-101 --arm TIC-101 --auto
     """
@@ -95,8 +100,9 @@ def commission(
     loaded = load(profile)
     station = resolved(loaded.station(), target)
     found = loop_named(station, arm or loop)
+    tape = Recorded(record, record_frames, profile_text=loaded.text)
     if rollback:
-        _roll_back(station, found, arm, directory, who_asks(by), output)
+        _roll_back(station, found, arm, directory, who_asks(by), output, tape)
         return
     wishes = Wishes(
         executions, round(observe * SECOND), coverage, arm is not None, step, pv_band, pv_rate,
@@ -104,19 +110,21 @@ def commission(
     )  # fmt: skip
     asked = Asked(
         auto, who_asks(by), tuple(instrument or ()), remarks, state or Path(f"commission-{found.name}.json"),
-        sheet or Path(f"commission-{found.name}.html"), fresh, save, directory, output,
+        sheet or Path(f"commission-{found.name}.html"), fresh, save, directory, output, tape,
     )  # fmt: skip
     raise typer.Exit(asyncio.run(_commission(loaded, station, found, wishes, asked)))
 
 
-def _roll_back(station: Station, loop: Loop, arm: str | None, directory: Path | None, who: str, output: Output) -> None:
+def _roll_back(
+    station: Station, loop: Loop, arm: str | None, directory: Path | None, who: str, output: Output, tape: Recorded
+) -> None:
     from ahgateway.cli.write import carry_out
     from ahgateway.errors import ProfileError
 
     if arm is None:
         raise ProfileError("--rollback changes something and needs --arm LOOP")
     with gate_directory(station, directory) as folder:
-        asyncio.run(carry_out(station, loop, folder, "restore", [], "rollback", who, output))
+        asyncio.run(carry_out(station, loop, folder, "restore", [], "rollback", who, output, tape))
 
 
 async def _commission(loaded: Profile, station: Station, loop: Loop, wishes: Wishes, asked: Asked) -> int:
@@ -127,13 +135,14 @@ async def _commission(loaded: Profile, station: Station, loop: Loop, wishes: Wis
 
     mark = hashlib.sha256(loaded.text.encode("utf-8")).hexdigest()
     progress = Progress(loop.name, mark) if asked.fresh else resume(asked.state, loop.name, mark)
-    clock, opener = _opening(station)
+    clock, link_maker = _opening(station)
     maps = [device_map.load(name) for name in files.names(files.shipped())]
     with ExitStack() as stack:
+        sink = stack.enter_context(recorded(asked.tape, one_loop(station, loop), clock, _talk))
         work = Commission(
-            station, loop, opener, clock, progress,
+            station, loop, link_maker(sink.tap), clock, progress,
             path=asked.state, gates=stack.enter_context(gate_directory(station, asked.directory)), maps=maps,
-            who=asked.by,
+            who=asked.by, witness=sink.witness(loop),
         )  # fmt: skip
         _resumed(progress)
         await until_stopped(work.run(wishes, _said, consent=_consent(station, asked.auto)))
@@ -148,8 +157,12 @@ async def _commission(loaded: Profile, station: Station, loop: Loop, wishes: Wis
     return int(code)
 
 
-def _opening(station: Station) -> tuple[Clock, Callable[[Station], Any]]:
-    """The clock, and what opens links; a fake PLC is one for the whole run and lives in virtual time."""
+def _talk(line: str) -> None:
+    typer.echo(line, err=True)
+
+
+def _opening(station: Station) -> tuple[Clock, Callable[[Tap | None], Callable[[Station], Any]]]:
+    """The clock, and what makes openers of links; a fake PLC is one for the whole run and lives in virtual time."""
     from ahgateway.clock import SECOND, VirtualClock, WallClock
     from ahgateway.transports.uri import open_link, parse_uri
 
@@ -157,10 +170,13 @@ def _opening(station: Station) -> tuple[Clock, Callable[[Station], Any]]:
     target = parse_uri(station.target)
     if target.scheme != "fake":
 
-        async def opened(variant: Station) -> Link:
-            return open_link(parse_uri(variant.target), wall, variant.pacing)
+        def tapped(tap: Tap | None) -> Callable[[Station], Any]:
+            async def opened(variant: Station) -> Link:
+                return open_link(parse_uri(variant.target), wall, variant.pacing, tap)
 
-        return wall, opened
+            return opened
+
+        return wall, tapped
 
     from ahgateway.fake.plc import FakePlc
     from ahgateway.schema.profile import load
@@ -172,10 +188,13 @@ def _opening(station: Station) -> tuple[Clock, Callable[[Station], Any]]:
     plc.warm_up(REHEARSAL_WARM_UP_S * SECOND)
     plc.scan_ns = SCAN_NS
 
-    async def rehearsed(variant: Station) -> Link:
-        return MemoryLink(plc, clock, latency_ns=2_000_000, pacing=variant.pacing, target=variant.target)
+    def rehearsing(tap: Tap | None) -> Callable[[Station], Any]:
+        async def opened(variant: Station) -> Link:
+            return MemoryLink(plc, clock, latency_ns=2_000_000, tap=tap, pacing=variant.pacing, target=variant.target)
 
-    return clock, rehearsed
+        return opened
+
+    return clock, rehearsing
 
 
 def _resumed(progress: Progress) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ahgateway.cli.tape import Keep, Record, Recorded, RecordFrames, RollHours, RollMb, recorded
 from ahgateway.cli.view import Output
 
 if TYPE_CHECKING:
@@ -28,6 +30,11 @@ def identify(
         Path | None, typer.Option(metavar="PROFILE", help="Write what is decided into this profile.")
     ] = None,
     firmware: Annotated[str, typer.Option(help="Firmware, as its label shows it; it cannot be read.")] = "",
+    record: Record = None,
+    record_frames: RecordFrames = False,
+    roll_mb: RollMb = None,
+    roll_hours: RollHours = None,
+    keep: Keep = None,
     output: Annotated[Output, typer.Option(help="text for people, json for one object per loop.")] = Output.TEXT,
 ) -> None:
     """Learn how the PLC discretises its PID formulas, by eliminating every arithmetic that misses one bit.
@@ -38,7 +45,15 @@ def identify(
 
     Example: ahgateway identify demo --duration 30
     """
-    station, pictures = _recorded(source) if _is_recording(source) else _live(source, target, duration)
+    if _is_recording(source):
+        if record is not None:
+            from ahgateway.errors import ProfileError
+
+            raise ProfileError(f"keeps what a live PLC shows, and {source} is a recording already", key="--record")
+        station, pictures = _recorded(source)
+    else:
+        tape = Recorded(record, record_frames, roll_mb, roll_hours, keep)
+        station, pictures = _live(source, target, duration, tape)
     from ahgateway.apps.identify import learn
     from ahgateway.core.verdict import Exit
 
@@ -73,15 +88,18 @@ def _recorded(source: str) -> tuple[Station, dict[str, list[Picture]]]:
         return recording.station, collected(again.reports())
 
 
-def _live(source: str, target: str | None, duration_s: float) -> tuple[Station, dict[str, list[Picture]]]:
+def _live(
+    source: str, target: str | None, duration_s: float, tape: Recorded
+) -> tuple[Station, dict[str, list[Picture]]]:
     from ahgateway.cli.targets import resolved
     from ahgateway.schema.profile import load
 
-    station = resolved(load(source).station(), target)
-    return station, asyncio.run(_watched(station, duration_s))
+    loaded = load(source)
+    station = resolved(loaded.station(), target)
+    return station, asyncio.run(_watched(station, duration_s, replace(tape, profile_text=loaded.text)))
 
 
-async def _watched(station: Station, duration_s: float) -> dict[str, list[Picture]]:
+async def _watched(station: Station, duration_s: float, tape: Recorded) -> dict[str, list[Picture]]:
     from ahgateway.apps.identify import collected
     from ahgateway.apps.monitor import Monitor
     from ahgateway.cli.interrupt import stop_event
@@ -89,10 +107,14 @@ async def _watched(station: Station, duration_s: float) -> dict[str, list[Pictur
     from ahgateway.clock import SECOND, WallClock
 
     clock = WallClock()
-    async with open_target(station, clock) as link:
-        watched = Monitor(station, link, clock)
-        with stop_event() as stop:
-            reports = [each async for each in watched.reports(duration_ns=round(duration_s * SECOND), stop=stop)]
+    reports = []
+    with recorded(tape, station, clock, lambda line: typer.echo(line, err=True)) as sink:
+        async with open_target(station, clock, sink.tap) as link:
+            watched = Monitor(station, link, clock)
+            with stop_event() as stop:
+                async for report in watched.reports(duration_ns=round(duration_s * SECOND), stop=stop):
+                    sink.take(report)
+                    reports.append(report)
     return collected(reports)
 
 

@@ -70,6 +70,10 @@ def _facts(recording: Recording, check: bool) -> dict[str, Any]:
         "dropped": sum(event.found["dropped"] for event in recording.events("recorder")),
         "events": dict(said),
         "writes": sum(1 for _ in recording.writes()),
+        "journals": {
+            event.loop: {"file": event.found["file"], "hash": event.found["record"]["hash"]}
+            for event in recording.events("journal")
+        },
         "notes": [text for _, text in recording.notes()],
         "loops": [
             {
@@ -112,6 +116,9 @@ def _lines(found: dict[str, Any]) -> list[str]:
         lines.append("events: " + ", ".join(f"{count} {kind}" for kind, count in sorted(found["events"].items())))
     if found["writes"]:
         lines.append(f"writes to the PLC: {found['writes']}")
+    lines += [
+        f"journal of {loop}: {each['file']}, last hash {each['hash']}" for loop, each in found["journals"].items()
+    ]
     lines += [f"note: {text}" for text in found["notes"]]
     if found["dropped"]:
         lines.append(f"GAPS: {found['dropped']} things were lost because the disk was full or too slow")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -13,9 +13,10 @@ import typer
 if TYPE_CHECKING:
     from ahgateway.apps.monitor import Report
     from ahgateway.apps.record import Tape
+    from ahgateway.apps.witness import Witness
     from ahgateway.clock import Clock
-    from ahgateway.codec.station import Station
-    from ahgateway.transports.base import Frame
+    from ahgateway.codec.station import Loop, Station
+    from ahgateway.transports.base import Frame, Tap
 
 Record = Annotated[
     str | None, typer.Option("--record", help="Keep everything seen in this file, such as run.ahrec; it must be new.")
@@ -58,10 +59,26 @@ class Sink:
         if self._tape is not None:
             self._tape.recorder.note(utc_ns, text)
 
+    @property
+    def tap(self) -> Tap | None:
+        """What a link hands its frames to; None when nobody wants them."""
+        return self.frame if self._tape is not None and self._wants_frames else None
+
+    def witness(self, loop: Loop) -> Witness:
+        """Return who keeps the pictures and writes of a command that has no monitor."""
+        from ahgateway.apps.witness import Witness
+
+        return Witness(loop, self._tape)
+
     def frame(self, frame: Frame) -> None:
         """Keep one frame when frames are wanted."""
         if self._tape is not None and self._wants_frames:
             self._tape.tap(frame)
+
+
+def one_loop(station: Station, loop: Loop) -> Station:
+    """Return the station with this loop alone: what a command that looks at one loop records."""
+    return replace(station, loops=(loop,))
 
 
 @contextlib.contextmanager

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ahgateway.cli.tape import Record as RecordFile
+from ahgateway.cli.tape import RecordFrames
 from ahgateway.cli.view import Output
 
 if TYPE_CHECKING:
@@ -30,6 +32,8 @@ def tune(
     save: Annotated[Path | None, typer.Option(help="Write the experiment's trace as CSV.")] = None,
     target: Annotated[str | None, typer.Option(help="Link to use instead of the profile's.")] = None,
     directory: Annotated[Path | None, typer.Option(help="Where journals and leases stand.")] = None,
+    record_file: RecordFile = None,
+    record_frames: RecordFrames = False,
     instruction: Annotated[
         str | None, typer.Option(help="DPID or DPIDE, for a CSV file; a recording knows it. Default DPIDE.")
     ] = None,
@@ -48,8 +52,9 @@ def tune(
 
     With a CSV file or a recording it works without a PLC. With a profile, --experiment and --arm LOOP it moves MOUT or
     SV through the write gate inside bounds, and puts everything back at the end, at an abort and at Ctrl-C. The gains
-    themselves are never written here. Exit code 0 when proposals were made, 3 when the data were refused: too noisy,
-    not excited, saturated, drifting, or a valve that sticks; each with its number.
+    themselves are never written here. With --record everything seen and written is kept in a recording. Exit code 0
+    when proposals were made, 3 when the data were refused: too noisy, not excited, saturated, drifting, or a valve that
+    sticks; each with its number.
 
     Example: ahgateway tune step.csv --instruction DPIDE --set CYCLE=200 --set PID_EQ=TRUE --report step.html
 
@@ -64,10 +69,15 @@ def tune(
     kinds = {kind.value: kind for kind in Kind}
     if model is not None and model.upper() not in kinds:
         raise ProfileError(f"`{model}` is no model, known are {', '.join(kinds)}", key="--model")
+    if experiment is None and record_file is not None:
+        raise ProfileError("keeps what an experiment shows, and none is asked for", key="--record")
     if experiment is not None:
         from ahgateway.cli.tune_live import Asked, excited
 
-        asked = Asked(str(source), arm, loop, experiment, size, hold, pv_bounds, mv_bounds, rate, seconds, target, save)
+        asked = Asked(
+            str(source), arm, loop, experiment, size, hold, pv_bounds, mv_bounds, rate, seconds, target, save,
+            record_file, record_frames,
+        )  # fmt: skip
         record, name, known = excited(asked, directory)
     else:
         record, name, known = _source(source, loop, instruction, pairs(columns, "--map"))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import typer
 
 from ahgateway.cli.gate_place import gate_directory, loop_named, until_stopped, who_asks
+from ahgateway.cli.tape import Recorded, one_loop, recorded
 
 if TYPE_CHECKING:
     from ahgateway.apps.tune_experiment import Envelope, Wanted
@@ -34,6 +35,8 @@ class Asked:
     seconds: float
     target: str | None
     save: Path | None
+    recording: str | None = None
+    with_frames: bool = False
 
 
 def excited(asked: Asked, directory: Path | None) -> tuple[Record, str, Params]:
@@ -53,7 +56,8 @@ def excited(asked: Asked, directory: Path | None) -> tuple[Record, str, Params]:
         raise ProfileError(f"`{asked.experiment}` is no experiment, known are {', '.join(kinds)}", key="--experiment")
     if asked.arm and asked.loop and asked.arm != asked.loop:
         raise ProfileError(f"--arm {asked.arm} and --loop {asked.loop} name two loops")
-    station = resolved(load(asked.profile).station(), asked.target)
+    loaded = load(asked.profile)
+    station = resolved(loaded.station(), asked.target)
     loop = loop_named(station, asked.arm or asked.loop)
     if loop.controller.name not in ("DPID", "DPIDE"):
         raise ProfileError(f"loop {loop.name} is a {loop.controller.name}, experiments know DPID and DPIDE")
@@ -65,8 +69,9 @@ def excited(asked: Asked, directory: Path | None) -> tuple[Record, str, Params]:
             f"{bounds.mv[0]:g}…{bounds.mv[1]:g}, {bounds.time_s:g} s at most: nothing was sent",
             hint=f"--arm {loop.name} does it",
         )
+    tape = Recorded(asked.recording, asked.with_frames, profile_text=loaded.text)
     with gate_directory(station, directory) as folder:
-        record, settings = asyncio.run(_run(station, loop, folder, wanted, bounds))
+        record, settings = asyncio.run(_run(station, loop, folder, wanted, bounds, tape))
     if asked.save is not None:
         _saved(asked.save, record)
     return record, loop.controller.name, settings
@@ -93,7 +98,9 @@ def envelope(asked: Asked, loop: Loop) -> Envelope:
     return Envelope(pv, mv, float("inf") if asked.rate is None else asked.rate, asked.seconds)
 
 
-async def _run(station: Station, loop: Loop, folder: Path, wanted: Wanted, bounds: Envelope) -> tuple[Record, Params]:
+async def _run(
+    station: Station, loop: Loop, folder: Path, wanted: Wanted, bounds: Envelope, tape: Recorded
+) -> tuple[Record, Params]:
     from ahgateway.apps.tune_experiment import Experiment
     from ahgateway.cli.targets import open_target
     from ahgateway.clock import WallClock
@@ -101,11 +108,17 @@ async def _run(station: Station, loop: Loop, folder: Path, wanted: Wanted, bound
     from ahgateway.lockstep.picture import Sampler
 
     clock = WallClock()
-    async with open_target(station, clock) as link:
-        gate = Gate(station, loop, link, clock, folder, who=who_asks(None))
-        sampler = Sampler(loop, station, link, clock)
-        made = Experiment(loop, gate, sampler, clock, bounds, told=lambda text: typer.echo(text, err=True))
-        return await until_stopped(made.run(wanted))
+
+    def told(text: str) -> None:
+        typer.echo(text, err=True)
+
+    with recorded(tape, one_loop(station, loop), clock, told) as sink:
+        async with open_target(station, clock, sink.tap) as link:
+            witness = sink.witness(loop)
+            gate = Gate(station, loop, link, clock, folder, who=who_asks(None), sees=witness.see, told=witness.told)
+            sampler = Sampler(loop, station, link, clock, witness.see)
+            made = Experiment(loop, gate, sampler, clock, bounds, told=told)
+            return await until_stopped(made.run(wanted))
 
 
 def _saved(path: Path, record: Record) -> None:

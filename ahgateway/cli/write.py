@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from ahgateway.cli.gate_place import gate_directory, loop_named, until_stopped, who_asks
+from ahgateway.cli.tape import Record, Recorded, RecordFrames, one_loop, recorded
 from ahgateway.cli.view import Output
 
 if TYPE_CHECKING:
@@ -32,12 +33,15 @@ def write(
     by: Annotated[str | None, typer.Option(help="Who, for the journal; the user of this machine otherwise.")] = None,
     target: Annotated[str | None, typer.Option(help="Link to use instead of the profile's.")] = None,
     directory: Annotated[Path | None, typer.Option(help="Where journals and leases stand.")] = None,
+    record: Record = None,
+    record_frames: RecordFrames = False,
     output: Annotated[Output, typer.Option(help="text for people, json for one object.")] = Output.TEXT,
 ) -> None:
     """Write operands of one loop, each read back; without --arm only say what would be written.
 
     Only what the profile lists under [loops.TAG.write] can be written, within the limits there. What was written stays;
-    --restore puts it back. Every write stands in the journal with who, why, before and after.
+    --restore puts it back. Every write stands in the journal with who, why, before and after, and with --record in a
+    recording too, with what was seen of the loop.
 
     Example: ahgateway write demo SV=82.5 --arm TIC-101
     """
@@ -51,33 +55,57 @@ def write(
         raise ProfileError("--restore and --accept change something and need --arm LOOP")
     if arm and loop and arm != loop:
         raise ProfileError(f"--arm {arm} and --loop {loop} name two loops")
-    station = resolved(load(profile).station(), target)
+    loaded = load(profile)
+    station = resolved(loaded.station(), target)
     found = loop_named(station, arm or loop)
     task = "restore" if restore else "accept" if accept else "write" if arm and not dry_run else "preview"
     with gate_directory(station, directory) as folder:
-        asyncio.run(carry_out(station, found, folder, task, values or [], reason, who_asks(by), output))
+        tape = Recorded(record, record_frames, profile_text=loaded.text)
+        asyncio.run(carry_out(station, found, folder, task, values or [], reason, who_asks(by), output, tape))
 
 
 async def carry_out(
-    station: Station, loop: Loop, folder: Path, task: str, texts: list[str], reason: str, who: str, output: Output
+    station: Station,
+    loop: Loop,
+    folder: Path,
+    task: str,
+    texts: list[str],
+    reason: str,
+    who: str,
+    output: Output,
+    tape: Recorded,
 ) -> None:
     """Do one of `write`, `preview`, `restore`, `accept` on one loop and show how it went."""
     from ahgateway.cli.targets import open_target
     from ahgateway.clock import WallClock
     from ahgateway.lockstep.gate.gate import Gate
+    from ahgateway.lockstep.picture import Sampler
 
     clock = WallClock()
     values = _values(loop, texts)
-    async with open_target(station, clock) as link:
-        gate = Gate(station, loop, link, clock, folder, who=who)
-        if task == "preview":
-            _show(gate, output, task, plan=await gate.preview(values))
-        elif task == "accept":
-            _show(gate, output, task, note="closed" if gate.accept(reason) else "nothing was left open")
-        elif task == "restore":
-            await _restore(gate, reason, output)
-        else:
-            _show(gate, output, task, plan=await until_stopped(_armed(gate, values, reason)))
+    with recorded(tape, one_loop(station, loop), clock, _talk) as sink:
+        async with open_target(station, clock, sink.tap) as link:
+            witness = sink.witness(loop)
+            gate = Gate(station, loop, link, clock, folder, who=who, sees=witness.see, told=witness.told)
+            await _task(gate, task, values, reason, output)
+            if tape.path is not None:
+                # What stands there now is the last picture of the recording.
+                await Sampler(loop, station, link, clock, witness.see).picture()
+
+
+def _talk(line: str) -> None:
+    typer.echo(line, err=True)
+
+
+async def _task(gate: Gate, task: str, values: dict[str, Any], reason: str, output: Output) -> None:
+    if task == "preview":
+        _show(gate, output, task, plan=await gate.preview(values))
+    elif task == "accept":
+        _show(gate, output, task, note="closed" if gate.accept(reason) else "nothing was left open")
+    elif task == "restore":
+        await _restore(gate, reason, output)
+    else:
+        _show(gate, output, task, plan=await until_stopped(_armed(gate, values, reason)))
 
 
 async def _armed(gate: Gate, values: dict[str, Any], reason: str) -> Plan:

@@ -8,7 +8,7 @@ This file decides what a picture is; it does not know what a controller would ma
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,6 +59,10 @@ class Picture:
     def count(self) -> int | None:
         """What the program's counter of executions holds; None where there is none."""
         return self.words[block.COUNTER][0] if block.COUNTER in self.words else None
+
+
+Sees = Callable[[Picture], None]
+"""Shown every picture as soon as it is whole."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,10 +134,11 @@ def _covers(read: Read, span: Span) -> bool:
 
 
 class Sampler:
-    """Takes pictures of one loop over a link."""
+    """Takes pictures of one loop over a link, and shows each to `sees`."""
 
-    def __init__(self, loop: Loop, station: Station, link: Link, clock: Clock) -> None:
+    def __init__(self, loop: Loop, station: Station, link: Link, clock: Clock, sees: Sees | None = None) -> None:
         self.loop = loop
+        self._sees = sees
         self.plan = picture_plan(loop, station)
         self.torn_count = 0
         self._watched = seen_spans(loop, station.devices)
@@ -184,7 +189,7 @@ class Sampler:
         words = block.raw(self.loop, self._station.devices, image)
         tick, self._tick = self._tick, self._tick + 1
         last_ns = max(reply.last_ns for reply in replies)
-        return Picture(
+        picture = Picture(
             tick=tick,
             inputs=block.inputs(self.loop, words),
             seen=block.seen(self.loop, words),
@@ -196,6 +201,9 @@ class Sampler:
             utc_ns=self._clock.utc_ns() - (self._clock.now_ns() - last_ns),
             aligned_since_ns=max(reply.aligned_since_ns for reply in replies),
         )
+        if self._sees is not None:
+            self._sees(picture)
+        return picture
 
     def _running(self, image: block.Image) -> bool | None:
         if self._station.running is None:

@@ -17,7 +17,7 @@ from ahgateway.codec import block
 from ahgateway.codec.access import Read, Span, Table
 from ahgateway.codec.station import Loop, Station
 from ahgateway.errors import AhGatewayError, PlcRefusedError, TransportError
-from ahgateway.lockstep.picture import Sampler
+from ahgateway.lockstep.picture import Sampler, Sees
 from ahgateway.transports.base import Link
 
 ROUNDS = 20
@@ -43,7 +43,9 @@ class Found:
     changes: dict[str, str | int]
 
 
-async def find(station: Station, loop: Loop, opener: Opener, clock: Clock) -> tuple[Found | None, list[Check]]:
+async def find(
+    station: Station, loop: Loop, opener: Opener, clock: Clock, sees: Sees | None = None
+) -> tuple[Found | None, list[Check]]:
     """Return the way to the PLC and the checks of step 1; None when nothing answered.
 
     Args:
@@ -51,6 +53,7 @@ async def find(station: Station, loop: Loop, opener: Opener, clock: Clock) -> tu
         loop: Its registers are read as the proof.
         opener: Opens a link to a variant of the station.
         clock: Bounds the search and measures round trips.
+        sees: Shown every picture.
     """
     tried: list[str] = []
     ends_ns = clock.now_ns() + BUDGET_NS
@@ -59,7 +62,7 @@ async def find(station: Station, loop: Loop, opener: Opener, clock: Clock) -> tu
             break
         if await _answers(variant, loop, opener):
             found = Found(variant, _changes(station, variant))
-            return found, [*_identity(station, variant), *await _measured(found, loop, opener, clock)]
+            return found, [*_identity(station, variant), *await _measured(found, loop, opener, clock, sees)]
         tried.append(_name(variant))
     names = ("wrong-unit", "wrong-framing", "short-requests", "slow-link", "busy")
     text = f"nothing answers; {len(tried)} settings tried: {', '.join(tried[:6])}{', …' if len(tried) > 6 else ''}"
@@ -166,7 +169,7 @@ def _identity(station: Station, found: Station) -> list[Check]:
     ]  # fmt: skip
 
 
-async def _measured(found: Found, loop: Loop, opener: Opener, clock: Clock) -> list[Check]:
+async def _measured(found: Found, loop: Loop, opener: Opener, clock: Clock, sees: Sees | None) -> list[Check]:
     """Round trips, longest request, time of a picture; what is too long is noted as a change of the profile."""
     station = found.station
     link = await opener(station)
@@ -175,7 +178,7 @@ async def _measured(found: Found, loop: Loop, opener: Opener, clock: Clock) -> l
         checks = [_short(station, found, longest)]
         if longest and longest < station.pacing.words_per_request_max:
             station = replace(station, pacing=replace(station.pacing, words_per_request_max=longest))
-        return [*checks, *await _paced(station, loop, link, clock)]
+        return [*checks, *await _paced(station, loop, link, clock, sees)]
     except TransportError as error:
         return [unclear(name, error.message) for name in ("short-requests", "slow-link", "busy")]
     finally:
@@ -210,8 +213,8 @@ def _short(station: Station, found: Found, longest: int) -> Check:
     return judged("short-requests", longest >= asked, text, longest=longest)
 
 
-async def _paced(station: Station, loop: Loop, link: Link, clock: Clock) -> list[Check]:
-    sampler = Sampler(loop, station, link, clock)
+async def _paced(station: Station, loop: Loop, link: Link, clock: Clock, sees: Sees | None) -> list[Check]:
+    sampler = Sampler(loop, station, link, clock, sees)
     times_ns: list[int] = []
     busy, torn, cycle_s = 0, 0, 0.0
     for _ in range(ROUNDS):

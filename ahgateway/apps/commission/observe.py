@@ -14,7 +14,7 @@ from ahgateway.lockstep.causes import Suspect
 from ahgateway.lockstep.events import Change, Finding
 from ahgateway.lockstep.follow import Event, Follower, cycle_ns
 from ahgateway.lockstep.judge import Execution
-from ahgateway.lockstep.picture import Picture, Sampler
+from ahgateway.lockstep.picture import Picture, Sampler, Sees
 from ahgateway.transports.base import Link
 
 POLLS_PER_CYCLE = 4
@@ -90,11 +90,21 @@ def _finite(value: Any) -> float:
 
 
 async def observe(
-    station: Station, loop: Loop, link: Link, clock: Clock, *, executions: int = 50, duration_ns: int = 60 * SECOND
+    station: Station,
+    loop: Loop,
+    link: Link,
+    clock: Clock,
+    *,
+    executions: int = 50,
+    duration_ns: int = 60 * SECOND,
+    sees: Sees | None = None,
 ) -> Observation:
-    """Follow a loop until so many executions were seen or the time is over; never raises what the weather does."""
+    """Follow a loop until so many executions were seen or the time is over; never raises what the weather does.
+
+    Every picture is shown to `sees`.
+    """
     seen, follower = Observation(), Follower(loop)
-    sampler = Sampler(loop, station, link, clock)
+    sampler = Sampler(loop, station, link, clock, sees)
     started_ns = clock.now_ns()
     down_ns: int | None = None
     counted = 0

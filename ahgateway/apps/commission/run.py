@@ -11,6 +11,7 @@ from ahgateway.apps.commission import link as link_step
 from ahgateway.apps.commission import mapping, observe, reading, wiring
 from ahgateway.apps.commission.checks import Check, Outcome, Progress, Step, save, skipped, unclear
 from ahgateway.apps.report import number
+from ahgateway.apps.witness import Witness
 from ahgateway.clock import SECOND, Clock
 from ahgateway.codec.devices import DeviceMap
 from ahgateway.codec.station import Loop, Station
@@ -67,6 +68,7 @@ class Commission:
         gates: Directory of journals and leases.
         maps: Device maps to try when the profile's own does not fit.
         who: Who asks.
+        witness: Keeps what is seen and written.
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class Commission:
         gates: Path,
         maps: Sequence[DeviceMap] = (),
         who: str = "",
+        witness: Witness | None = None,
     ) -> None:
         self.station, self.loop, self.progress = station, loop, progress
         self.changes: dict[str, str | int] = {}
@@ -88,6 +91,7 @@ class Commission:
             opener, clock, path, gates, maps, who,
         )  # fmt: skip
         self._seen: observe.Observation | None = None
+        self._witness = witness or Witness(loop, None)
 
     async def run(self, wishes: Wishes, said: Said, *, consent: Callable[[wiring.Envelope], bool]) -> None:
         """Do every step that is not done yet; a step that cannot be done says so and the rest is skipped.
@@ -120,7 +124,7 @@ class Commission:
     async def _link(self, said: Said) -> bool:
         if self.progress.is_done(Step.LINK):
             return True
-        found, checks = await link_step.find(self.station, self.loop, self._opener, self._clock)
+        found, checks = await link_step.find(self.station, self.loop, self._opener, self._clock, self._witness.see)
         if found is not None:
             station, self.changes = found.station, dict(found.changes)
             words = self.changes.get("pacing.words_per_request_max")
@@ -136,13 +140,14 @@ class Commission:
             return skipped("marker", "not asked for: --marker with --arm writes to the scratch words")
         if any(check.outcome is Outcome.FAIL for check in checks):
             return skipped("marker", "not before the map fits")
-        gate = Gate(self.station, self.loop, link, self._clock, self._gates, who=self._who)
+        gate = self._gate(link)
         return await mapping.mark(gate, link)
 
     async def _observe(self, link: Link, wishes: Wishes, said: Said) -> None:
         seen = await observe.observe(
-            self.station, self.loop, link, self._clock, executions=wishes.executions, duration_ns=wishes.observe_ns
-        )
+            self.station, self.loop, link, self._clock, executions=wishes.executions, duration_ns=wishes.observe_ns,
+            sees=self._witness.see,
+        )  # fmt: skip
         self._seen = seen
         if seen.pictures:
             self.progress.facts.setdefault("as_found", operands(self.loop, seen.pictures[0]))
@@ -154,12 +159,14 @@ class Commission:
         reason = "" if wishes.is_armed else f"not armed: --arm {self.loop.name} allows it"
         failed = [check.name for check in self.progress.steps.get(Step.LOOP, ()) if check.outcome is Outcome.FAIL]
         reason = reason or (f"not before step 3 is clean: {', '.join(failed)}" if failed else "")
-        gate = Gate(self.station, self.loop, link, self._clock, self._gates, who=self._who)
+        gate = self._gate(link)
         try:
             if not reason:
                 bounds = await self._envelope(link, wishes)
                 if consent(bounds):
-                    proof = await wiring.prove(gate, self.station, self.loop, link, self._clock, bounds)
+                    proof = await wiring.prove(
+                        gate, self.station, self.loop, link, self._clock, bounds, self._witness.see
+                    )
                     self.progress.facts["wiring_trace"] = proof.trace
                     self.progress.facts["journal"] = {"file": str(gate.path), "hash": gate.anchor}
                     self._done(Step.WIRING, proof.checks, said)
@@ -170,17 +177,29 @@ class Commission:
         self._done(Step.WIRING, [skipped(name, reason) for name in wiring.NAMES], said)
 
     async def _envelope(self, link: Link, wishes: Wishes) -> wiring.Envelope:
-        seen = await observe.observe(self.station, self.loop, link, self._clock, executions=2, duration_ns=5 * SECOND)
+        seen = await self._glance(link, 2)
         if not seen.pictures:
             raise TransportError(seen.refused or "no picture of the loop was taken")
         bounds = wiring.envelope(self.loop, seen.pictures[-1], step=wishes.mout_step, pv=wishes.pv_band)
         return replace(bounds, pv_rate_max=wishes.pv_rate_max, answer_ns=wishes.answer_ns, total_ns=wishes.total_ns)
 
     async def _as_left(self, link: Link) -> None:
-        seen = await observe.observe(self.station, self.loop, link, self._clock, executions=1, duration_ns=5 * SECOND)
+        seen = await self._glance(link, 1)
         if seen.pictures:
             self.progress.facts["as_left"] = operands(self.loop, seen.pictures[-1])
             self._keep()
+
+    async def _glance(self, link: Link, executions: int) -> observe.Observation:
+        return await observe.observe(
+            self.station, self.loop, link, self._clock, executions=executions, duration_ns=5 * SECOND,
+            sees=self._witness.see,
+        )  # fmt: skip
+
+    def _gate(self, link: Link) -> Gate:
+        return Gate(
+            self.station, self.loop, link, self._clock, self._gates, who=self._who,
+            sees=self._witness.see, told=self._witness.told,
+        )  # fmt: skip
 
     async def _guarded(self, name: str, work: Any) -> list[Check]:
         try:

@@ -20,7 +20,7 @@ from ahgateway.lockstep.follow import cycle_ns
 from ahgateway.lockstep.gate.change import shown
 from ahgateway.lockstep.gate.gate import Gate
 from ahgateway.lockstep.gate.states import State
-from ahgateway.lockstep.picture import Picture, Sampler
+from ahgateway.lockstep.picture import Picture, Sampler, Sees
 from ahgateway.transports.base import Link
 
 NAMES = (
@@ -94,9 +94,11 @@ class Proof:
     trace: dict[str, list[float]] = field(default_factory=dict)
 
 
-async def prove(gate: Gate, station: Station, loop: Loop, link: Link, clock: Clock, bounds: Envelope) -> Proof:
+async def prove(
+    gate: Gate, station: Station, loop: Loop, link: Link, clock: Clock, bounds: Envelope, sees: Sees | None = None
+) -> Proof:
     """Run the test and put everything back; what goes wrong is a check, never an exception of the weather."""
-    test = _Test(gate, Sampler(loop, station, link, clock), loop, clock, bounds)
+    test = _Test(gate, Sampler(loop, station, link, clock, sees), loop, clock, bounds)
     try:
         async with gate.armed("prove the wiring", duration_ns=bounds.total_ns):
             await test.run()

@@ -26,14 +26,14 @@ from ahgateway.codec.station import Loop, Station
 from ahgateway.errors import AhGatewayError, PlcRefusedError, StateError, TransportError
 from ahgateway.lockstep.gate import change
 from ahgateway.lockstep.gate.change import Item, Step, shown
-from ahgateway.lockstep.gate.journal import Journal
+from ahgateway.lockstep.gate.journal import Journal, Told
 from ahgateway.lockstep.gate.lease import Lease
 from ahgateway.lockstep.gate.outcome import Plan, Restored, conflict_text
 from ahgateway.lockstep.gate.scratch import with_scratch
 from ahgateway.lockstep.gate.session import Conflict, Session, decide, last_session, words_json
 from ahgateway.lockstep.gate.states import Event, State, after
 from ahgateway.lockstep.gate.wire import Wire
-from ahgateway.lockstep.picture import Picture
+from ahgateway.lockstep.picture import Picture, Sees
 from ahgateway.transports.base import Link
 
 ARM_DEFAULT_NS = 300 * SECOND
@@ -67,6 +67,8 @@ class Gate:
         clock: Gives the times, waits, and ends the arming.
         directory: Where journal and lease stand.
         who: Who asks, for the journal.
+        sees: Shown every picture that the gate takes.
+        told: Told of every record of the journal.
 
     Attributes:
         state: Where the gate stands.
@@ -77,7 +79,16 @@ class Gate:
     """
 
     def __init__(
-        self, station: Station, loop: Loop, link: Link, clock: Clock, directory: Path, *, who: str = ""
+        self,
+        station: Station,
+        loop: Loop,
+        link: Link,
+        clock: Clock,
+        directory: Path,
+        *,
+        who: str = "",
+        sees: Sees | None = None,
+        told: Told | None = None,
     ) -> None:
         loop = with_scratch(loop, station)
         self.station, self.loop, self.link, self.who = station, loop, link, who
@@ -87,7 +98,8 @@ class Gate:
         self.recovered: Restored | None = None
         self.path = journal_path(directory, station, loop)
         self._clock = clock
-        self._wire = Wire(station, loop, link, clock)
+        self._told = told
+        self._wire = Wire(station, loop, link, clock, sees)
         self._spans = block.spans(loop, station.devices)
         self._journal: Journal | None = None
         self._lease: Lease | None = None
@@ -487,7 +499,7 @@ class Gate:
         if self._lease is None:
             lease = Lease(self.path.with_suffix(".lease"), f"loop {self.loop.name}", who=self.who, loop=self.loop.name)
             try:
-                self._journal = Journal(self.path, self._clock)
+                self._journal = Journal(self.path, self._clock, self._told)
             except BaseException:
                 lease.release()
                 raise

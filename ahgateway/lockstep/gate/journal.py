@@ -14,7 +14,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -26,6 +26,9 @@ FIRST = "0" * 64
 TORN = "torn"
 
 Record = Mapping[str, Any]
+
+Told = Callable[[Path, Record], None]
+"""Told of every record once it is on the disk: the journal's file, and the record."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,13 +123,15 @@ class Journal:
     Args:
         path: The file; it is made when it does not exist.
         clock: Gives UTC.
+        told: Told of every record that is added.
 
     Raises:
         StateError: The file cannot be opened, or its chain is broken.
     """
 
-    def __init__(self, path: Path, clock: Clock) -> None:
+    def __init__(self, path: Path, clock: Clock, told: Told | None = None) -> None:
         self.path = path
+        self._told = told
         self._clock = clock
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -158,6 +163,8 @@ class Journal:
         self._put(text.encode("utf-8") + b"\n")
         self.records.append(record)
         self.last = record["hash"]
+        if self._told is not None:
+            self._told(self.path, record)
         return record
 
     def _put(self, data: bytes) -> None:

@@ -8,7 +8,7 @@ from ahgateway.codec.station import Loop, Station
 from ahgateway.codec.words import decode
 from ahgateway.errors import PlcRefusedError, StateError
 from ahgateway.lockstep.gate.change import Item, Step, shown
-from ahgateway.lockstep.picture import Picture, Sampler
+from ahgateway.lockstep.picture import Picture, Sampler, Sees
 from ahgateway.transports.base import Link
 
 SETTLE_SCANS = 2
@@ -26,10 +26,10 @@ class Wire:
         settle_ns: How long a write is given before it is read back, and a busy PLC before it is asked again.
     """
 
-    def __init__(self, station: Station, loop: Loop, link: Link, clock: Clock) -> None:
+    def __init__(self, station: Station, loop: Loop, link: Link, clock: Clock, sees: Sees | None = None) -> None:
         self.settle_ns = max(20, SETTLE_SCANS * loop.scan_ms_max) * MILLISECOND
         self._station, self._loop, self._link, self._clock = station, loop, link, clock
-        self._sampler = Sampler(loop, station, link, clock)
+        self._sampler = Sampler(loop, station, link, clock, sees)
 
     async def picture(self) -> Picture:
         """Return one picture; it is a read, so that a busy PLC or a torn picture is simply asked again."""
