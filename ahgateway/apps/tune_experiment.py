@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -90,6 +90,8 @@ class Experiment:
         envelope: Within what it stays.
         stop: Set by whoever wants it to end.
         told: Called with a line of text whenever something begins or ends.
+        patience_s: How long a loop that is not at rest is waited for.
+        left: Why the envelope was left; empty while it was not.
     """
 
     loop: Loop
@@ -99,6 +101,8 @@ class Experiment:
     envelope: Envelope
     stop: asyncio.Event = field(default_factory=asyncio.Event)
     told: Callable[[str], None] = lambda text: None
+    patience_s: float = 0.0
+    left: str = ""
     rows: list[tuple[float, float, float, float]] = field(default_factory=list)
     _begun_ns: int = 0
     _last: Picture | None = None
@@ -122,24 +126,31 @@ class Experiment:
             await self._excite(wanted, size, sigma, step)
             self.told("done, everything is put back")
         table = np.array(self.rows, dtype=np.float64)
-        record = Record(table[:, 0], table[:, 1], table[:, 2], table[:, 3], f"{self.loop.name} {wanted.kind.value}")
+        record = Record(
+            table[:, 0] - table[0, 0], table[:, 1], table[:, 2], table[:, 3], f"{self.loop.name} {wanted.kind.value}"
+        )
         return record, settings
 
     async def _rest(self) -> tuple[float, float]:
-        """Watch the loop without writing; return noise and resolution of PV."""
-        for _ in range(REST_SAMPLES):
-            await self._sample()
-        pv = np.array([row[2] for row in self.rows])
-        sigma, step = noise(pv), resolution(pv)
-        third = pv.size // 3
-        moved = abs(float(np.mean(pv[-third:]) - np.mean(pv[:third])))
-        bound = max(REST_MAX * sigma / math.sqrt(third), step, 1e-9)
-        if moved > bound:
-            raise StateError(
-                f"loop {self.loop.name}: PV is not at rest, it moved by {moved:.3g}, at most {bound:.3g} is taken",
-                hint="wait until it stands still; nothing was written",
-            )
-        return sigma, step
+        """Watch the loop without writing until it stands still; return noise and resolution of PV."""
+        ends_ns = self.clock.now_ns() + round(self.patience_s * SECOND)
+        while True:
+            first = len(self.rows)
+            for _ in range(REST_SAMPLES):
+                await self._sample()
+            pv = np.array([row[2] for row in self.rows[first:]])
+            sigma, step = noise(pv), resolution(pv)
+            third = pv.size // 3
+            moved = abs(float(np.mean(pv[-third:]) - np.mean(pv[:third])))
+            bound = max(REST_MAX * sigma / math.sqrt(third), step, 1e-9)
+            if moved <= bound:
+                del self.rows[:first]
+                return sigma, step
+            if self.clock.now_ns() >= ends_ns:
+                raise StateError(
+                    f"loop {self.loop.name}: PV is not at rest, it moved by {moved:.3g}, at most {bound:.3g} is taken",
+                    hint="wait until it stands still; nothing was written",
+                )
 
     def _sized(self, kind: Kind, sigma: float, step: float) -> float:
         """The step that is taken where none was given: a share of the range, what the profile allows at most."""
@@ -245,19 +256,16 @@ class Experiment:
         bounds = self.envelope
         for name, value, (low, high) in (("PV", pv, bounds.pv), ("MV", mv, bounds.mv)):
             if not low <= value <= high:
-                raise StateError(
-                    f"loop {self.loop.name}: {name} is {value:.5g}, outside the envelope {low:g}…{high:g}; aborted, "
-                    "everything has been put back",
-                    hint="use a smaller --size",
-                )
+                self._leave(f"{name} is {value:.5g}, outside the envelope {low:g}…{high:g}", "use a smaller --size")
         if len(self.rows) > 10:
             before = self.rows[-11]
             rate = abs(pv - before[2]) / (t - before[0])
             if rate > bounds.rate:
-                raise StateError(
-                    f"loop {self.loop.name}: PV moves by {rate:.3g} per second, the envelope allows {bounds.rate:g}; "
-                    "aborted, everything has been put back"
-                )
+                self._leave(f"PV moves by {rate:.3g} per second, the envelope allows {bounds.rate:g}")
+
+    def _leave(self, why: str, hint: str | None = None) -> NoReturn:
+        self.left = why
+        raise StateError(f"loop {self.loop.name}: {why}; aborted, everything has been put back", hint=hint)
 
 
 def _settled(pv: Array, start: float, sigma: float) -> bool:
