@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import platform
 from collections import Counter
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
 import numpy as np
 
+import ahgateway
 from ahgateway import __version__
 from ahgateway.apps.monitor import LinkChange, Report, Sample
 from ahgateway.apps.report import as_json
@@ -130,6 +133,22 @@ def verdict_text(found: Mapping[str, Any]) -> str:
     return json.dumps({name: found[name] for name in KEPT}, ensure_ascii=False)
 
 
+JUDGING = {"core": "core", "judge": "lockstep"}
+"""Facts of a recording that say which sources computed its verdicts: the laws, and who follows and judges."""
+
+
+@cache
+def _sources(package: str) -> str:
+    """Return 16 hexadecimal digits of SHA-256 over a package's sources, whatever their line ends; "" without any."""
+    top = Path(ahgateway.__file__).parent
+    digest = hashlib.sha256()
+    paths = sorted((top / package).rglob("*.py"))
+    for path in paths:
+        text = path.read_bytes().replace(b"\r\n", b"\n")
+        digest.update(f"{path.relative_to(top).as_posix()} {len(text)}\n".encode() + text)
+    return digest.hexdigest()[:16] if paths else ""
+
+
 KEPT = ("verdict", "proof", "class", "count", "reason", "term", "plc", "ref", "plc_bits", "ref_bits", "cause")
 """Keys of a verdict that are recorded; the terms come back with the replay."""
 
@@ -138,8 +157,9 @@ WHOLE_MAX = 100
 
 
 def versions() -> dict[str, str]:
-    """Return what computed the verdicts: this program, its numbers, its machine."""
+    """Return what computed the verdicts: this program, its laws and its judge by their sources, numbers, machine."""
     return {
+        **{name: _sources(package) for name, package in JUDGING.items()},
         "ahgateway": __version__,
         "python": platform.python_version(),
         "numpy": np.__version__,

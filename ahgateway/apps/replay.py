@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ahgateway.apps.monitor import LinkChange, Monitor, Report, Sample
-from ahgateway.apps.record import verdict_text
+from ahgateway.apps.record import JUDGING, verdict_text, versions
 from ahgateway.apps.report import as_json
 from ahgateway.clock import Clock
 from ahgateway.codec import block
@@ -48,6 +48,31 @@ class Changes:
     def are_none(self) -> bool:
         """True when the same verdicts are to be expected."""
         return not self.dialect and self.tolerance is None
+
+
+@dataclass(frozen=True, slots=True)
+class Judges:
+    """Which program judged then, and which judges now, by the names of the recording's facts.
+
+    Attributes:
+        then: `ahgateway`, `core` and `judge` as recorded; "" where the file does not say.
+        now: The same of this program.
+    """
+
+    then: Mapping[str, str]
+    now: Mapping[str, str]
+
+    @property
+    def are_same(self) -> bool:
+        """True when nothing that makes a verdict has changed since."""
+        return self.then == self.now
+
+
+def judges(recording: Recording) -> Judges:
+    """Return who judged the recording, and who does it now."""
+    names = ("ahgateway", *JUDGING)
+    now = versions()
+    return Judges({name: recording.meta.get(name, "") for name in names}, {name: now[name] for name in names})
 
 
 def picture_of(loop: Loop, row: Row) -> Picture:

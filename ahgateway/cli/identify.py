@@ -81,9 +81,9 @@ def _is_recording(source: str) -> bool:
 def _recorded(source: str) -> tuple[Station, dict[str, list[Picture]]]:
     from ahgateway.apps.identify import collected
     from ahgateway.apps.replay import Changes, Replay, judged_again
-    from ahgateway.recording.reader import Recording
+    from ahgateway.recording.parts import opened
 
-    with Recording(source) as recording:
+    with opened(source) as recording:
         again = Replay(recording, judged_again(recording.station, Changes({}, None)), ())
         return recording.station, collected(again.reports())
 

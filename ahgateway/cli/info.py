@@ -54,7 +54,9 @@ def _facts(recording: Recording, check: bool) -> dict[str, Any]:
     found: dict[str, Any] = {
         "file": str(recording.path),
         "schema_version": recording.schema_version,
-        "made_by": {name: recording.meta.get(name, "") for name in ("ahgateway", "python", "numpy", "machine")},
+        "made_by": {
+            name: recording.meta.get(name, "") for name in ("ahgateway", "core", "judge", "python", "numpy", "machine")
+        },
         "origin": recording.meta.get("origin", "plc"),
         "station": recording.station.name,
         "target": recording.meta.get("target", ""),
@@ -97,7 +99,8 @@ def _lines(found: dict[str, Any]) -> list[str]:
     lines = [
         f"{found['file']}: recording, schema version {found['schema_version']}, part {found['part']}, "
         f"{found['size']} bytes",
-        f"made by ahgateway {made['ahgateway']}, Python {made['python']}, numpy {made['numpy']}, {made['machine']}",
+        f"made by ahgateway {made['ahgateway']}, core {made['core'] or 'not said'}, judge {made['judge'] or 'not said'}, "
+        f"Python {made['python']}, numpy {made['numpy']}, {made['machine']}",
         f"station {found['station']}, {found['target'] or 'no target'}",
     ]
     if found["command"]:

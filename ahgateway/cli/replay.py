@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -9,10 +10,13 @@ import typer
 from ahgateway.cli.view import Output
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+
     from ahgateway.apps.monitor import Report
-    from ahgateway.apps.replay import Agreement, Changes, Replay, ReplayMonitor, TermLine
+    from ahgateway.apps.replay import Agreement, Changes, Judges, Replay, ReplayMonitor, TermLine
     from ahgateway.codec.station import Loop
     from ahgateway.lockstep.picture import Picture
+    from ahgateway.recording.reader import Recording
 
 
 def replay(
@@ -34,6 +38,9 @@ def replay(
     bulk: Annotated[
         bool, typer.Option("--bulk", help="Step the law along the whole recording, compiled; count, list nothing.")
     ] = False,
+    one_part: Annotated[
+        bool, typer.Option("--one-part", help="Read this part alone, not the parts of its run behind it.")
+    ] = False,
     output: Annotated[Output, typer.Option(help="text for people, json for one object per line.")] = Output.TEXT,
     coverage: Annotated[
         float, typer.Option(help="Smallest share of executions proven by bits for exit code 0.", min=0.0, max=1.0)
@@ -41,9 +48,9 @@ def replay(
 ) -> None:
     """Follow a recording again and list every execution, term by term, PLC beside reference.
 
-    The whole recording is followed; --from, --to and --diverged choose what is listed. Without other dialects or
-    tolerances the verdicts are held against those of then, and a difference says that the reference has changed. Exit
-    codes as monitor's.
+    The whole recording is followed, with the parts of its run behind it; --from, --to and --diverged choose what is
+    listed. Without other dialects or tolerances the verdicts are held against those of then; another reference than
+    then is named. Exit codes as monitor's.
 
     Example: ahgateway replay demo.ahrec --loop TIC-101 --diverged
     """
@@ -53,19 +60,34 @@ def replay(
     limits = None if tolerance is None and ulp is None else Tolerance(ulp or 0, tolerance or 0.0)
     changes = Changes(_axes(dialect or []), limits)
     if bulk:
-        raise typer.Exit(_bulk(file, tuple(loop or ()), changes, output))
-    raise typer.Exit(
-        _replay(file, tuple(loop or ()), changes, _Listing(output, since, until, diverged, summary), coverage)
-    )
+        raise typer.Exit(_bulk(file, one_part, tuple(loop or ()), changes, output))
+    listing = _Listing(output, since, until, diverged, summary)
+    raise typer.Exit(_replay(file, one_part, tuple(loop or ()), changes, listing, coverage))
 
 
-def _replay(file: str, loops: tuple[str, ...], changes: Changes, listing: _Listing, coverage_min: float) -> int:
-    from ahgateway.apps.replay import Comparison, Replay, ReplayMonitor, judged_again
+@contextlib.contextmanager
+def _opened(file: str, one_part: bool) -> Iterator[Recording]:
+    """Yield the recording with its parts, and say on stderr when it is more or less than the file that was named."""
+    from ahgateway.recording.parts import Parts, opened
+
+    with opened(file, is_alone=one_part) as recording:
+        number = int(recording.meta.get("part", "1"))
+        if number > 1:
+            typer.echo(f"begins with part {number}: what the reference knew before stands in earlier parts", err=True)
+        if isinstance(recording, Parts):
+            last = recording.rest[-1].path
+            typer.echo(f"parts {number} to {number + len(recording.rest)} of one run, up to {last}", err=True)
+        yield recording
+
+
+def _replay(
+    file: str, one_part: bool, loops: tuple[str, ...], changes: Changes, listing: _Listing, coverage_min: float
+) -> int:
+    from ahgateway.apps.replay import Comparison, Replay, ReplayMonitor, judged_again, judges
     from ahgateway.cli.run import recorded_clock
-    from ahgateway.recording.reader import Recording
     from ahgateway.transports.replay import ReplayLink
 
-    with Recording(file) as recording:
+    with _opened(file, one_part) as recording:
         again = Replay(recording, judged_again(recording.station, changes), loops)
         clock = recorded_clock(recording, None)
         monitor = ReplayMonitor(again, ReplayLink(recording, clock), clock)
@@ -74,7 +96,7 @@ def _replay(file: str, loops: tuple[str, ...], changes: Changes, listing: _Listi
         for report in again.reports():
             then.take(report)
             listing.show(report)
-        listing.end(monitor, then.result() if changes.are_none else None, coverage_min)
+        listing.end(monitor, judges(recording), then.result() if changes.are_none else None, coverage_min)
     return int(monitor.outcome(coverage_min))
 
 
@@ -142,7 +164,7 @@ class _Listing:
         if text is not None:
             typer.echo(text)
 
-    def end(self, monitor: ReplayMonitor, then: Agreement | None, coverage_min: float) -> None:
+    def end(self, monitor: ReplayMonitor, who: Judges, then: Agreement | None, coverage_min: float) -> None:
         """Print what came out, and whether it is what came out then."""
         if self._output is Output.JSON:
             from ahgateway.apps.report import summary_json
@@ -150,6 +172,7 @@ class _Listing:
 
             for watch in monitor.watches:
                 print_json(summary_json(monitor, watch.follower, self._utc_ns, coverage_min))
+            print_json({"kind": "judges", "same": who.are_same, "then": dict(who.then), "now": dict(who.now)})
             if then is not None:
                 print_json(
                     {
@@ -162,6 +185,8 @@ class _Listing:
 
         for line in summary_lines(monitor, coverage_min)[:-1]:
             typer.echo(line)
+        if not who.are_same:
+            typer.echo(f"another reference than then: {_named(who.then)} then, {_named(who.now)} now")
         if then is not None:
             typer.echo(_agreement_line(then))
 
@@ -185,6 +210,11 @@ def _print_json(report: Report, lines: list[TermLine]) -> None:
             for each in lines
         ]
     print_json(found)
+
+
+def _named(judge: Mapping[str, str]) -> str:
+    unsaid = "not said"
+    return f"ahgateway {judge['ahgateway']} (core {judge['core'] or unsaid}, judge {judge['judge'] or unsaid})"
 
 
 def _agreement_line(then: Agreement) -> str:
@@ -212,12 +242,11 @@ def _axes(texts: list[str]) -> dict[str, str]:
     return found
 
 
-def _bulk(file: str, loops: tuple[str, ...], changes: Changes, output: Output) -> int:
+def _bulk(file: str, one_part: bool, loops: tuple[str, ...], changes: Changes, output: Output) -> int:
     from ahgateway.apps.replay_bulk import bulk
     from ahgateway.cli.view import print_json
-    from ahgateway.recording.reader import Recording
 
-    with Recording(file) as recording:
+    with _opened(file, one_part) as recording:
         found = bulk(recording, changes, loops)
     for each in found:
         if output is Output.JSON:

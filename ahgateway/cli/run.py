@@ -49,10 +49,10 @@ async def followed(station: Station, tap: Tap | None = None) -> AsyncIterator[tu
             yield Monitor(station, link, wall), wall
         return
     from ahgateway.apps.replay import Replay, ReplayMonitor
-    from ahgateway.recording.reader import Recording
+    from ahgateway.recording.parts import opened
     from ahgateway.transports.replay import ReplayLink
 
-    with Recording(target.path) as recording:
+    with opened(target.path) as recording:
         clock = recorded_clock(recording, float(target.options["speed"]) if "speed" in target.options else None)
         yield ReplayMonitor(Replay(recording, station), ReplayLink(recording, clock), clock), clock
 

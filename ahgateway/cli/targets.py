@@ -47,10 +47,10 @@ async def open_target(station: Station, clock: Clock, tap: Tap | None = None) ->
         plc = FakePlc(loaded.station(), loaded.fake_setup(), clock=clock)
         link: Link = MemoryLink(plc, clock, tap=tap, pacing=station.pacing, target=target.text)
     elif target.scheme == "replay":
-        from ahgateway.recording.reader import Recording
+        from ahgateway.recording.parts import opened
         from ahgateway.transports.replay import ReplayLink
 
-        link = ReplayLink(Recording(target.path), clock, float(target.options.get("speed", 1.0)))
+        link = ReplayLink(opened(target.path), clock, float(target.options.get("speed", 1.0)))
     else:
         link = open_link(target, clock, station.pacing, tap, can=station.can)
     try:

@@ -7,6 +7,7 @@ said, and recording goes on as soon as it can; the run itself never waits and ne
 from __future__ import annotations
 
 import contextlib
+import secrets
 import sqlite3
 import threading
 from collections import deque
@@ -22,6 +23,7 @@ from ahgateway.codec.station import Station
 from ahgateway.errors import StateError
 from ahgateway.recording import layout
 from ahgateway.recording.packing import RUNNING_OFF, RUNNING_ON, RUNNING_UNKNOWN, Entry
+from ahgateway.recording.parts import part_path
 from ahgateway.recording.reader import Row
 from ahgateway.recording.runfile import Batch, RunFile
 
@@ -95,7 +97,7 @@ class Recorder:
         self._path = path
         self._station = station
         self._clock = clock
-        self._meta = dict(meta)
+        self._meta = {**meta, "run": f"{clock.utc_ns()}-{secrets.token_hex(8)}"}
         self._rolling = rolling or Rolling()
         self._queue: deque[Put] = deque()
         self._queue_max = queue_max
@@ -232,7 +234,7 @@ class Recorder:
         number = self.figures.parts + 1
         path = self._path
         if self._rolling.is_on:
-            path = path.with_name(f"{path.stem}-{number:04d}{path.suffix}")
+            path = part_path(path, number)
         clock = {
             "created_utc_ns": str(self._clock.utc_ns()),
             "clock_offset_ns": str(self._clock.utc_ns() - self._clock.now_ns()),

@@ -69,7 +69,7 @@ def test_replay_lists_only_what_was_asked_for(faulty: Path) -> None:
 def test_replay_as_json_has_both_sides_of_every_term(faulty: Path) -> None:
     _, said = typed("replay", faulty, "--diverged", "--output", "json")
     objects = [json.loads(line) for line in said.splitlines()]
-    assert ["execution", "summary", "then"] == sorted({each["kind"] for each in objects})
+    assert ["execution", "judges", "summary", "then"] == sorted({each["kind"] for each in objects})
     lines = {line["term"]: line for line in objects[0]["lines"]}
     assert lines["MV"]["plc_bits"] != lines["MV"]["ref_bits"]
     assert None is lines["P"]["plc"]
