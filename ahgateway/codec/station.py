@@ -45,6 +45,9 @@ class Pacing:
     pause_between_requests_ms: int = 0
     poll_ms: int = 0
     gap_words_max: int = 16
+    line_share_max: float = 1.0
+    close_when_idle_ms: int = 0
+    connections_max: int = 8
 
 
 @dataclass(frozen=True, slots=True)

@@ -32,6 +32,11 @@ class PacingForm(Form):
     pause_between_requests_ms: int = Field(default=0, ge=0, le=MINUTE_MS, description="silence after each reply")
     poll_ms: int = Field(default=0, ge=0, le=HOUR_MS, description="period of polling, 0 as fast as the line allows")
     gap_words_max: int = Field(default=16, ge=0, le=124, description="words read in vain to save a request")
+    line_share_max: float = Field(default=1.0, gt=0.0, le=1.0, description="share of the time that our requests take")
+    close_when_idle_ms: int = Field(
+        default=0, ge=0, le=HOUR_MS, description="close when nothing was asked so long, or 0"
+    )
+    connections_max: int = Field(default=8, ge=1, le=128, description="connections to this host at a time, TCP only")
 
 
 class CanItemForm(Form):

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from ahgateway.clock import MILLISECOND, Clock
-from ahgateway.codec.access import Read, Request
+from ahgateway.codec.access import Read, Request, Write
 from ahgateway.errors import CodecError, FrameError, LinkError, PlcRefusedError, ReplyTimeoutError, TransportError
 from ahgateway.transports.alignment import Alignment
 from ahgateway.transports.base import Frame, LinkFigures, Reply, Tap
@@ -57,6 +57,7 @@ class Limits:
         pause_after_connect_ns: Before the first request of a connection.
         quiet_ns: How long a line without transaction numbers must be silent after anything odd.
         byte_ns: Wire time of one byte; 0 where it does not count.
+        share: Of the time, what our exchanges may take; after each the line rests accordingly.
     """
 
     timeout_ns: int
@@ -65,6 +66,7 @@ class Limits:
     pause_after_connect_ns: int = 0
     quiet_ns: int = 50 * MILLISECOND
     byte_ns: int = 0
+    share: float = 1.0
 
 
 class _Job:
@@ -100,6 +102,7 @@ class Engine:
         self._identifies = framing.identifies
         self._timeout_ns = limits.timeout_ns
         self._pause_ns = limits.pause_ns
+        self._rest = 1.0 / limits.share - 1.0
         self._clock = clock
         self._figures = figures
         self._target = target
@@ -157,7 +160,7 @@ class Engine:
         Raises:
             CodecError: No PDU can hold it; nothing has been queued.
         """
-        self._queue.append(self._job(request, waiter))
+        self._enqueue(self._job(request, waiter))
 
     def offer(self, request: Request, waiter: Waiter, now_ns: int) -> bytes | None:
         """Queue a request and return the next frame to write at once, or None: `submit` and `outgoing` in one.
@@ -167,12 +170,22 @@ class Engine:
         """
         job = self._job(request, waiter)
         if self._queue or not self._identifies:
-            self._queue.append(job)
+            self._enqueue(job)
             return self.outgoing(now_ns)
         if len(self._flying) >= self._window or now_ns < self._send_after_ns:
-            self._queue.append(job)
+            self._enqueue(job)
             return None
         return self._launch(job, self._next_tag(), now_ns)
+
+    def _enqueue(self, job: _Job) -> None:
+        """A command goes before every poll that waits, behind the commands before it."""
+        if type(job.request) is not Write:
+            self._queue.append(job)
+            return
+        place = 0
+        while place < len(self._queue) and type(self._queue[place].request) is Write:
+            place += 1
+        self._queue.insert(place, job)
 
     def _job(self, request: Request, waiter: Waiter) -> _Job:
         known = self._known.get(id(request))
@@ -336,8 +349,8 @@ class Engine:
             self._figures.late += 1
             return
         request = job.request
-        if self._pause_ns:
-            self._send_after_ns = now_ns + self._pause_ns
+        if self._pause_ns or self._rest:
+            self._send_after_ns = now_ns + max(self._pause_ns, round(self._rest * (now_ns - job.sent_ns)))
         if adu.unit != request.unit:
             self._fail(job, FrameError(f"{self._target}: unit {adu.unit} answered to: {describe(request)}"))
             return

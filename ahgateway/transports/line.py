@@ -19,6 +19,12 @@ from serial.tools import list_ports
 from ahgateway.clock import SECOND
 from ahgateway.errors import LinkError
 
+_REFUSED: tuple[type[Exception], ...] = (OSError, ValueError)
+if sys.platform != "win32":
+    import termios
+
+    _REFUSED = (*_REFUSED, termios.error)  # a driver that refuses a setting; no OSError
+
 FIXED_GAP_ABOVE_BAUD = 19200
 FIXED_GAP_NS = 1_750_000
 READ_TIMEOUT_S = 0.01
@@ -78,13 +84,16 @@ def open_port(line: Line) -> serial.Serial:
             timeout=READ_TIMEOUT_S,
             **local,
         )
-    except (OSError, ValueError) as error:
+    except _REFUSED as error:
         what, hint = _why_not(line, error)
         raise LinkError(f"{line.port}: {what}", hint=hint) from error
 
 
 def _why_not(line: Line, error: Exception) -> tuple[str, str]:
     code, text = getattr(error, "errno", None), str(error)
+    if not isinstance(error, OSError | ValueError):
+        settings = f"{line.baud} {line.bits}{line.parity}{line.stop}"
+        return f"the adapter refuses {settings}", "try another baud rate or parity, or another adapter"
     if code == errno.ENOENT or "FileNotFoundError" in text:
         there = ", ".join(sorted(port.device for port in list_ports.comports())) or "none"
         return "no such port", f"is the adapter plugged in? ports here: {there}"

@@ -89,7 +89,9 @@ class SerialLink:
             pause_after_connect_ns=max(gap_ns, pacing.pause_after_connect_ms * MILLISECOND),
             quiet_ns=max(QUIET_MIN_NS, 2 * line.gap_ns),
             byte_ns=line.byte_ns,
+            share=pacing.line_share_max,
         )
+        self._idle_s = pacing.close_when_idle_ms / 1000 or None
         self._engine = Engine(framing(), limits, clock, self.figures, self.target, tap)
         self._inbox: queue.SimpleQueue[tuple[Request, _Handover] | None] = queue.SimpleQueue()
         self._stop = threading.Event()
@@ -122,7 +124,12 @@ class SerialLink:
     def _run(self) -> None:
         try:
             while not self._stop.is_set():
-                job = self._inbox.get()
+                try:
+                    job = self._inbox.get(timeout=self._idle_s)
+                except queue.Empty:
+                    self._opened = 0  # what we close ourselves is no reconnection
+                    self._close_port()
+                    job = self._inbox.get()
                 if job is not None and self._submit(job):
                     self._serve()
         finally:

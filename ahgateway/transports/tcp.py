@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import socket
+from collections import Counter
 from collections.abc import Callable
 from contextvars import Context
 from typing import Any, cast
@@ -31,6 +32,11 @@ KEEPALIVE_IDLE_S = 30
 CONVERTER_PAUSE_NS = 2 * MILLISECOND
 """Behind a reply on a connection without transaction numbers: a second copy shows itself before the next request."""
 BUFFER_SIZE = 8192
+IDLE_LOOKS = 4
+"""So often the idle time is looked at before it is over: a hot path that notes no times may end a quarter late."""
+
+_open_connections: Counter[tuple[str, int]] = Counter()
+"""Connections of this process by host and port, for the cap."""
 
 
 class _Wire(asyncio.BufferedProtocol):
@@ -133,7 +139,12 @@ class TcpLink:
             pause_ns=max(pacing.pause_between_requests_ms * MILLISECOND, 0 if wire.identifies else CONVERTER_PAUSE_NS),
             pause_after_connect_ns=pacing.pause_after_connect_ms * MILLISECOND,
             quiet_ns=quiet_ns,
+            share=pacing.line_share_max,
         )
+        self._connections_max = pacing.connections_max
+        self._idle_ns = pacing.close_when_idle_ms * MILLISECOND
+        self._idle_timer: asyncio.TimerHandle | None = None
+        self._has_slot = False
         self._engine = Engine(wire, limits, clock, self.figures, self.target, tap)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._wire: _Wire | None = None
@@ -206,23 +217,67 @@ class TcpLink:
             )
         if wait_ns > 0:
             await self._clock.sleep_ns(wait_ns)
+        self._take_slot()
         try:
             async with asyncio.timeout(CONNECT_TIMEOUT_NS / SECOND):
                 transport, wire = await loop.create_connection(
                     lambda: _Wire(self._received, self._lost), self._host, self._port
                 )
-        except (OSError, TimeoutError) as error:
+        except BaseException as error:
+            self._free_slot()
+            if not isinstance(error, OSError | TimeoutError):
+                raise
             what, hint = _connect_failure(error)
             self._note_outage(what)
             raise LinkError(f"{self.target}: {what}", hint=hint) from error
         _set_up(transport.get_extra_info("socket"))
         if wire.closed.is_set():
+            self._free_slot()
             return
         wire.is_adopted = True
         self._wire, self._transport = wire, transport
         self.figures.reconnects += self._connections > 0
         self._connections += 1
         self._engine.connected(self._clock.now_ns())
+        if self._idle_ns:
+            self._look_idle(self.figures.requests, 0)
+
+    def _look_idle(self, requests: int, looks: int) -> None:
+        """Close the connection when nothing was asked for long enough; the next request opens it again."""
+        if looks and (self._engine.is_busy or self.figures.requests != requests):
+            requests, looks = self.figures.requests, 0
+        if looks > IDLE_LOOKS and self._transport is not None:
+            transport, self._wire, self._transport = self._transport, None, None
+            self._connections = 0  # what we closed ourselves is no reconnection
+            self._engine.lost(self._clock.now_ns(), "closed because it was idle")
+            self._stop_timers()
+            transport.close()
+            return
+        loop = cast(asyncio.AbstractEventLoop, self._loop)
+        wait_s = self._idle_ns / IDLE_LOOKS / SECOND
+        self._idle_timer = loop.call_later(wait_s, self._look_idle, requests, looks + 1)
+
+    def _take_slot(self) -> None:
+        place = (self._host, self._port)
+        if _open_connections[place] >= self._connections_max:
+            raise LinkError(
+                f"{self.target}: {self._connections_max} connections to it are open, as many as the pacing allows",
+                hint="close the other, or raise connections_max in [station.pacing]",
+            )
+        _open_connections[place] += 1
+        self._has_slot = True
+
+    def _free_slot(self) -> None:
+        if self._has_slot:
+            _open_connections[self._host, self._port] -= 1
+            self._has_slot = False
+
+    def _stop_timers(self) -> None:
+        for timer in (self._timer, self._idle_timer):
+            if timer is not None:
+                timer.cancel()
+        self._timer = self._idle_timer = None
+        self._free_slot()
 
     def _pump(self) -> None:
         engine, transport = self._engine, self._transport
@@ -282,9 +337,7 @@ class TcpLink:
     def _drop(self, what: str, hint: str | None, kind: type[LinkError] | type[FrameError] = LinkError) -> None:
         transport, engine = self._transport, self._engine
         self._wire = self._transport = None
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        self._stop_timers()
         if transport is None:
             return
         if not self._is_closed:

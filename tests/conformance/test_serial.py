@@ -55,6 +55,18 @@ async def test_a_port_that_another_program_holds_is_busy() -> None:
         holder.close()
 
 
+async def test_settings_that_the_adapter_refuses_are_named() -> None:
+    """A pseudo-terminal takes no parity; asked a second time it says so, with an error that is no OSError."""
+    async with serial_pair() as (_, our_end):
+        held = os.open(our_end, os.O_RDWR | os.O_NOCTTY)
+        serial.Serial(our_end, 115200, parity="E").close()
+        link = SerialLink(Line(our_end, 115200, "E"), clock=WallClock())
+        with pytest.raises(LinkError, match="the adapter refuses 115200 8E1"):
+            await link.exchange(INPUT)
+        await link.close()
+        os.close(held)
+
+
 async def test_broadcasts_are_refused_on_a_line() -> None:
     link = SerialLink(Line("/dev/ttyNOWHERE"), clock=WallClock())
     with pytest.raises(CodecError, match="unit 0 is everybody"):

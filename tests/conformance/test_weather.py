@@ -148,7 +148,9 @@ async def test_a_connection_closed_in_the_middle_fails_all_at_once_and_is_made_a
         )
         assert time.monotonic() - started < 1
         assert all(isinstance(outcome, LinkError) for outcome in outcomes)
-        assert "it was not sent" in str(outcomes[3])
+        # Behind an alignment probe the command overtakes the polls; over TCP the first poll has left already.
+        fate = "it was not sent" if wire == "tcp" else "whether the PLC carried it out is not known"
+        assert fate in str(outcomes[3])
         assert addresses(TEN) == (await link.exchange(TEN)).values
         assert link.figures.reconnects == 1
         assert link.figures.first_cause

@@ -1,0 +1,156 @@
+"""Politeness: commands before polls, a share of the line, closed when idle, no more connections than allowed."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+
+import pytest
+from conformance.peers import CLIENT, SERVER, TinyPlc, serial_pair
+
+from ahgateway.clock import MILLISECOND, VirtualClock, WallClock
+from ahgateway.codec.access import Read, Table, Write
+from ahgateway.codec.station import Pacing
+from ahgateway.errors import LinkError
+from ahgateway.transports.base import LinkFigures, Reply
+from ahgateway.transports.engine import Engine, Limits
+from ahgateway.transports.framing import Mbap
+from ahgateway.transports.line import Line
+from ahgateway.transports.responder import Responder
+from ahgateway.transports.serial_link import SerialLink
+from ahgateway.transports.serial_server import serve_serial
+from ahgateway.transports.server import serve_tcp
+from ahgateway.transports.tcp import TcpLink
+
+POLL = Read(1, Table.INPUT, 1, 2)
+
+
+class Slot:
+    """Where an outcome goes."""
+
+    def __init__(self) -> None:
+        self.outcome: Reply | Exception | None = None
+
+    def done(self) -> bool:
+        return self.outcome is not None
+
+    def set_result(self, reply: Reply, /) -> None:
+        self.outcome = reply
+
+    def set_exception(self, error: Exception, /) -> None:
+        self.outcome = error
+
+
+def engine(clock: VirtualClock, **limits: float) -> Engine:
+    made = Engine(Mbap(), Limits(1000 * MILLISECOND, **limits), clock, LinkFigures(), "x")  # type: ignore[arg-type]
+    made.connected(0)
+    return made
+
+
+def test_commands_go_before_the_polls_that_wait_in_their_own_order(clock: VirtualClock) -> None:
+    plc, line = TinyPlc(), engine(clock)
+    unit = Responder(plc, Mbap())
+    asked = [POLL, Read(1, Table.INPUT, 3, 2), Write(1, Table.HOLDING, 5, (1,)), Write(1, Table.HOLDING, 6, (2,))]
+    for request in asked:
+        line.submit(request, Slot())
+    while (frame := line.outgoing(0)) is not None:
+        line.received(unit.feed(frame), 0)
+    assert [asked[2], asked[3], asked[0], asked[1]] == plc.seen
+
+
+@pytest.mark.parametrize(("share", "rest_ms"), [(1.0, 0), (0.5, 20), (0.25, 60), (0.1, 180)])
+def test_the_line_rests_after_each_reply_as_its_share_says(clock: VirtualClock, share: float, rest_ms: int) -> None:
+    line, unit = engine(clock, share=share), Responder(TinyPlc(), Mbap())
+    line.submit(POLL, Slot())
+    line.submit(POLL, Slot())
+    frame = line.outgoing(0)
+    assert frame is not None
+    line.received(unit.feed(frame), 20 * MILLISECOND)
+    assert (20 + rest_ms) * MILLISECOND == max(20 * MILLISECOND, line.wake_ns() or 0)
+    assert line.outgoing((20 + rest_ms) * MILLISECOND) is not None
+    assert rest_ms == 0 or line.outgoing((19 + rest_ms) * MILLISECOND) is None
+
+
+async def test_a_request_whose_caller_gave_up_is_not_sent() -> None:
+    plc = TinyPlc()
+    server = await serve_tcp(plc)
+    link = TcpLink("127.0.0.1", server.port, clock=WallClock(), pacing=Pacing(pause_between_requests_ms=40))
+    await link.exchange(POLL)
+    with pytest.raises(TimeoutError):
+        async with asyncio.timeout(0.005):
+            await link.exchange(Write(1, Table.HOLDING, 5, (1,)))
+    await link.exchange(POLL)
+    assert [POLL, POLL] == plc.seen
+    await link.close()
+    await server.close()
+
+
+@pytest.mark.parametrize("wire", ["tcp", "rtu", "ascii"])
+async def test_an_idle_connection_is_closed_and_made_again_when_it_is_needed(wire: str) -> None:
+    server = await serve_tcp(TinyPlc(), framing=SERVER[wire])
+    pacing = Pacing(close_when_idle_ms=40)
+    link = TcpLink(
+        "127.0.0.1", server.port, clock=WallClock(), pacing=pacing, framing=CLIENT[wire], quiet_ns=MILLISECOND
+    )
+    for _ in range(2):
+        assert (7, 14) == (await link.exchange(POLL)).values
+        assert 1 == server.connections
+        for _ in range(400):
+            if not server.connections:
+                break
+            await asyncio.sleep(0.005)
+        assert 0 == server.connections
+    assert (0, "") == (link.figures.reconnects, link.figures.first_cause)
+    await link.close()
+    await server.close()
+
+
+async def test_a_connection_in_use_is_not_closed() -> None:
+    server = await serve_tcp(TinyPlc())
+    link = TcpLink("127.0.0.1", server.port, clock=WallClock(), pacing=Pacing(close_when_idle_ms=40))
+    since = (await link.exchange(POLL)).aligned_since_ns
+    for _ in range(20):
+        await asyncio.sleep(0.005)
+        assert since == (await link.exchange(POLL)).aligned_since_ns, "still the first connection"
+    await link.close()
+    await server.close()
+
+
+async def test_an_idle_serial_port_is_released_for_others() -> None:
+    async with serial_pair() as (plc_end, our_end):
+        held = os.open(our_end, os.O_RDWR | os.O_NOCTTY)  # socat ends when nobody has its terminal open
+        server = await serve_serial(TinyPlc(), Line(plc_end, 115200))
+        first, second = (
+            SerialLink(Line(our_end, 115200, "N"), clock=WallClock(), pacing=Pacing(close_when_idle_ms=idle_ms))
+            for idle_ms in (30, 0)
+        )
+        assert (7, 14) == (await first.exchange(POLL)).values
+        with pytest.raises(LinkError, match="port is busy"):
+            await second.exchange(POLL)
+        async with asyncio.timeout(5):
+            while True:
+                try:
+                    assert (7, 14) == (await second.exchange(POLL)).values
+                    break
+                except LinkError:
+                    await asyncio.sleep(0.01)
+        await second.close()
+        assert (7, 14) == (await first.exchange(POLL)).values
+        assert 0 == first.figures.reconnects
+        await first.close()
+        await server.close()
+        os.close(held)
+
+
+async def test_one_connection_more_than_allowed_is_refused_here() -> None:
+    server = await serve_tcp(TinyPlc())
+    links = [TcpLink("127.0.0.1", server.port, clock=WallClock(), pacing=Pacing(connections_max=2)) for _ in range(3)]
+    for link in links[:2]:
+        await link.exchange(POLL)
+    with pytest.raises(LinkError, match="2 connections to it are open, as many as the pacing allows"):
+        await links[2].exchange(POLL)
+    await links[0].close()
+    assert (7, 14) == (await links[2].exchange(POLL)).values
+    for link in links:
+        await link.close()
+    await server.close()
