@@ -95,11 +95,11 @@ def _facts(recording: Recording, check: bool) -> dict[str, Any]:
 
 
 def _lines(found: dict[str, Any]) -> list[str]:
-    made = found["made_by"]
+    made = {name: text or "not said" for name, text in found["made_by"].items()}
     lines = [
         f"{found['file']}: recording, schema version {found['schema_version']}, part {found['part']}, "
         f"{found['size']} bytes",
-        f"made by ahgateway {made['ahgateway']}, core {made['core'] or 'not said'}, judge {made['judge'] or 'not said'}, "
+        f"made by ahgateway {made['ahgateway']}, core {made['core']}, judge {made['judge']}, "
         f"Python {made['python']}, numpy {made['numpy']}, {made['machine']}",
         f"station {found['station']}, {found['target'] or 'no target'}",
     ]

@@ -7,18 +7,22 @@ profiles have changed, so it names every field by itself.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict, fields
 from difflib import get_close_matches
 from typing import Any
 
-from ahgateway.codec.access import Table
+from ahgateway.codec.access import Span, Table
+from ahgateway.codec.can_objects import CanMap, CanObject, Pdo, Sync
 from ahgateway.codec.devices import DeviceMap, DeviceRange, parse_device
-from ahgateway.codec.station import Binding, Const, Loop, Pacing, Station, Tolerance
+from ahgateway.codec.station import Binding, Const, Loop, Pacing, Station, Tolerance, WriteLimit
 from ahgateway.core.controllers import CONTROLLERS, Controller
 from ahgateway.errors import CodecError
 
 Json = dict[str, Any]
 
 _LOOP_PLAIN = ("scan_ms_max", "pv_unit", "mv_unit")
+_PACING = tuple(field.name for field in fields(Pacing))
+_LIMIT = tuple(field.name for field in fields(WriteLimit))
 _RANGE_PLAIN = ("kind", "first", "last", "base", "stride", "confidence", "writable", "octal", "operands")
 
 
@@ -30,7 +34,10 @@ def station_json(station: Station) -> Json:
         "unit": station.unit,
         "bench": station.bench,
         "running": str(station.running) if station.running else None,
+        "pacing": asdict(station.pacing),
         "poll_ms": station.pacing.poll_ms,
+        "scratch": str(station.scratch) if station.scratch else None,
+        "can": _can_json(station.can) if station.can else None,
         "devices": {
             "name": station.devices.name,
             "title": station.devices.title,
@@ -41,7 +48,7 @@ def station_json(station: Station) -> Json:
 
 
 def station_from(text: Json) -> Station:
-    """Return the station of `station_json`.
+    """Return the station of `station_json`; what an older version did not write has its default.
 
     Raises:
         CodecError: It names an instruction, dialect axis or device that this version does not know.
@@ -61,7 +68,9 @@ def station_from(text: Json) -> Station:
         tuple(_loop_from(row) for row in text["loops"]),
         parse_device(text["running"]) if text["running"] else None,
         text["bench"],
-        Pacing(poll_ms=text["poll_ms"]),
+        _pacing_from(text.get("pacing") or {"poll_ms": text["poll_ms"]}),
+        parse_device(text["scratch"]) if text.get("scratch") else None,
+        _can_from(text["can"]) if text.get("can") else None,
     )
 
 
@@ -121,6 +130,8 @@ def _loop_json(loop: Loop) -> Json:
         "mv_range": loop.mv_range,
         "counter": str(loop.counter) if loop.counter else None,
         "pv_held": loop.pv_held,
+        "shared": sorted(loop.shared),
+        "writes": {operand: asdict(limit) for operand, limit in loop.writes.items()},
         **{name: getattr(loop, name) for name in _LOOP_PLAIN},
     }
 
@@ -147,8 +158,43 @@ def _loop_from(row: Json) -> Loop:
         mv_range=_pair(row["mv_range"]),
         counter=parse_device(row["counter"]) if row.get("counter") else None,
         pv_held=row.get("pv_held"),
+        shared=frozenset(row.get("shared", ())),
+        writes={
+            operand: WriteLimit(**{name: value for name, value in limit.items() if name in _LIMIT})
+            for operand, limit in row.get("writes", {}).items()
+        },
         **{field: row[field] for field in _LOOP_PLAIN},
     )
+
+
+def _pacing_from(text: Json) -> Pacing:
+    return Pacing(**{name: value for name, value in text.items() if name in _PACING})
+
+
+def _can_json(can: CanMap) -> Json:
+    return {
+        "objects": [{"span": _span_json(each.span), "index": each.index, "sub": each.sub} for each in can.objects],
+        "pdos": [{"cob_id": each.cob_id, "spans": [_span_json(span) for span in each.spans]} for each in can.pdos],
+        "sync": asdict(can.sync),
+        "confidence": can.confidence,
+    }
+
+
+def _can_from(text: Json) -> CanMap:
+    return CanMap(
+        tuple(CanObject(_span_from(each["span"]), each["index"], each["sub"]) for each in text["objects"]),
+        tuple(Pdo(each["cob_id"], tuple(_span_from(span) for span in each["spans"])) for each in text["pdos"]),
+        Sync(**text["sync"]),
+        text["confidence"],
+    )
+
+
+def _span_json(span: Span) -> list[Any]:
+    return [span.table.value, span.address, span.count]
+
+
+def _span_from(text: list[Any]) -> Span:
+    return Span(Table(text[0]), text[1], text[2])
 
 
 def _pair(value: list[float] | None) -> tuple[float, float] | None:
