@@ -92,6 +92,9 @@ class ExpectForm(Form):
     quiet_in_band: bool = Field(
         default=False, description="MV stands still while the error stays inside the dead band, in automatic"
     )
+    fresh_pv: bool = Field(
+        default=False, description="each execution uses the PV of its own scan; pictures are taken at every scan then"
+    )
     recovery: float | None = Field(
         default=None, gt=0, description="longest time in s from the link's return to the next execution proven"
     )

@@ -14,6 +14,7 @@ from typing import Any
 
 from ahgateway.apps.check.result import Outcome, State
 from ahgateway.apps.check.run import Moment, Seen
+from ahgateway.core.real import same_bits
 from ahgateway.core.verdict import Exit, Proof, Verdict, outcome, reason
 from ahgateway.lockstep.follow import computes
 from ahgateway.schema.formula import holds
@@ -32,6 +33,8 @@ def judged(scenario: Scenario, seen: Seen) -> tuple[Outcome, ...]:
         found.append(_clamps(seen))
     if expect.quiet_in_band:
         found.append(_quiet(seen))
+    if expect.fresh_pv:
+        found.append(_fresh_pv(seen))
     if expect.recovery is not None:
         found.append(_recovery(expect.recovery, seen))
     for number, window in enumerate(expect.response):
@@ -153,6 +156,25 @@ def _error_in_band(seen: Seen, moment: Moment) -> float | None:
 
 QUIET_AFTER = 3
 """Executions inside the band before MV must stand still: one may have used the PV before, one brings D to rest."""
+
+
+def _fresh_pv(seen: Seen) -> Outcome:
+    """PV as the instruction recorded it against the register of the same scan, where the scan before held another."""
+    names = [word.name for word in seen.loop.controller.seen if word.attr == "pv1"]
+    late, at_s, count = 0, None, 0
+    for before, after in pairwise(seen.moments):
+        inputs = after.picture.inputs
+        if not after.executions or inputs.pid_man or not computes(seen.loop, after.picture):
+            continue
+        if same_bits(before.picture.inputs.pv, inputs.pv):
+            continue
+        count += 1
+        if not same_bits(after.picture.seen[names[0]], inputs.pv):
+            late, at_s = late + 1, after.t_s if at_s is None else at_s
+    if not count:
+        return Outcome("fresh_pv", State.UNKNOWN, "no execution was seen for which PV had just changed")
+    text = f"{late} of {count} executions used another PV than that of their scan"
+    return Outcome("fresh_pv", _state(not late), text, float(late), at_s)
 
 
 def _recovery(allowed_s: float, seen: Seen) -> Outcome:

@@ -304,6 +304,8 @@ class _Course:
         if picture is None:
             return RETRY_NS
         scan_ns = self._plc.scan_ns
+        if self._scenario.expect.fresh_pv:
+            return scan_ns
         return max(cycle_ns(self._seen.loop, picture) // POLLS_PER_CYCLE // scan_ns, 1) * scan_ns
 
     def _take(self, picture: Picture) -> None:

@@ -1,0 +1,288 @@
+"""`ahgateway check`: scenarios run on a bench, each with a verdict, for people and for CI."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from ahgateway.cli.view import Output, print_json
+
+if TYPE_CHECKING:
+    from ahgateway.apps.check.result import Result
+    from ahgateway.apps.check.run import Bench
+    from ahgateway.apps.check.suite import Floor
+    from ahgateway.schema.scenario import KnownForm, Scenario
+
+MARKS = {"pass": "pass", "known": "known", "inconclusive": "INCONCLUSIVE", "error": "ERROR", "fail": "FAIL"}
+
+
+def check(
+    paths: Annotated[
+        list[str], typer.Argument(help="Scenario files and folders, or the shipped `conformance`, `dpid`, `dpide`.")
+    ],
+    profile: Annotated[
+        str | None, typer.Option(help="Profile of the bench: its loops and dialects; without it the shipped bench.")
+    ] = None,
+    target: Annotated[
+        str | None, typer.Option(help="The PLC, fake://PROFILE; without it the profile's own fake.")
+    ] = None,
+    loop: Annotated[str, typer.Option(help="Loop to use; the first with the scenario's instruction otherwise.")] = "",
+    expression: Annotated[
+        str,
+        typer.Option("-k", metavar="EXPR", help="Only names that hold this text; `a or b`, `not a` are understood."),
+    ] = "",
+    shard: Annotated[str | None, typer.Option(metavar="I/N", help="Only this part of N, from 1.")] = None,
+    repeat: Annotated[int, typer.Option(help="Run each so often, each time with the next seed.", min=1, max=1000)] = 1,
+    seed: Annotated[int, typer.Option(help="Of the noise; equal seeds give equal words.", min=0)] = 1,
+    known: Annotated[Path | None, typer.Option(help="File of known differences.")] = None,
+    junit: Annotated[Path | None, typer.Option(help="Write JUnit XML.")] = None,
+    html: Annotated[Path | None, typer.Option(help="Write a report as one HTML file.")] = None,
+    fingerprint: Annotated[Path | None, typer.Option(help="Write what every execution left, to compare with.")] = None,
+    against: Annotated[
+        Path | None, typer.Option(help="Compare with this fingerprint; a difference is a failure.")
+    ] = None,
+    output: Annotated[Output, typer.Option(help="text for people, json for one object per line.")] = Output.TEXT,
+) -> None:
+    """Run scenarios on a bench, in virtual time, and say whether each passes.
+
+    A scenario is a TOML file: a process, a time line, and what must be seen. Before the first one the bench runs
+    against itself; a bench that fails this is condemned, and nothing is said of the product. Exit code 0 when
+    everything passed or failed only where --known expects it, 1 when something failed or differs from --against, 2 for
+    a wrong file, 3 when something was inconclusive, the bench was broken, or nothing was checked.
+
+    Example: ahgateway check conformance --junit check.xml --html check.html
+
+    Example: ahgateway check dpide -k "manual or saturation" --profile demo
+    """
+    import asyncio
+
+    from ahgateway.errors import StateError
+    from ahgateway.schema.scenario import collected, known_differences
+
+    scenarios = [each for each in collected(paths) if _is_wanted(each.name, expression)]
+    if not scenarios:
+        raise StateError(
+            f"no scenario matches -k `{expression}`", hint="`ahgateway check conformance` runs the shipped"
+        )
+    part = _shard(scenarios, shard)
+    bench = _bench(profile, target, loop)
+    entries = () if known is None else known_differences(known)
+    files = _Files(junit, html, fingerprint, against, is_part=bool(expression or shard))
+    raise typer.Exit(asyncio.run(_check(part, bench, seed, repeat, entries, files, output)))
+
+
+class _Files:
+    """What is written behind a run, and read for it."""
+
+    def __init__(
+        self, junit: Path | None, html: Path | None, fingerprint: Path | None, against: Path | None, *, is_part: bool
+    ) -> None:
+        from ahgateway.apps.check.fingerprint import read
+
+        self.junit, self.html, self.fingerprint = junit, html, fingerprint
+        self.against, self.is_part = against, is_part
+        self.before = None if against is None else read(against)
+
+
+async def _check(
+    scenarios: list[Scenario],
+    bench: Bench,
+    seed: int,
+    repeat: int,
+    known: tuple[KnownForm, ...],
+    files: _Files,
+    output: Output,
+) -> int:
+    from datetime import UTC, datetime
+
+    from ahgateway.apps.check.suite import floor_of, results, unused
+    from ahgateway.cli.interrupt import stop_event
+    from ahgateway.clock import SECOND, WallClock
+
+    wall = WallClock()
+    utc_ns = wall.utc_ns()
+    if not scenarios:
+        typer.echo("nothing was checked: this shard is empty", err=True)
+        return 3
+    floor = await floor_of(scenarios[0], bench, seed, wall)
+    _say_floor(floor, output)
+    found: list[Result] = []
+    with stop_event() as stop:
+        if floor.is_sound:
+            today = datetime.fromtimestamp(utc_ns // SECOND, UTC).date()
+            async for result in results(scenarios, bench, wall, seed=seed, repeat=repeat, known=known, today=today):
+                found.append(result)
+                _say(result, output)
+                if stop.is_set():
+                    break
+    for entry in unused(known, found):
+        typer.echo(f"note: known difference `{entry.scenario}` of {entry.owner} was not seen", err=True)
+    return _closed(found, floor, bench, seed, utc_ns, files, output, is_whole=not stop.is_set())
+
+
+def _closed(
+    found: list[Result],
+    floor: Floor,
+    bench: Bench,
+    seed: int,
+    utc_ns: int,
+    files: _Files,
+    output: Output,
+    *,
+    is_whole: bool,
+) -> int:
+    """Write the files, say what came out, return the exit code."""
+    from ahgateway.apps.check import fingerprint as prints
+    from ahgateway.apps.check.junit import junit
+    from ahgateway.apps.check.page import page
+    from ahgateway.apps.check.result import run_exit
+
+    mine = prints.fingerprint(found, seed)
+    differences = [] if files.before is None else prints.compared(files.before, mine, is_part=files.is_part)
+    code = int(run_exit(found))
+    if differences:
+        code = 1
+    elif not is_whole and code == 0:
+        code = 3
+    claim = _claim(found, floor, is_whole=is_whole)
+    target = bench.fake.target
+    if files.junit is not None:
+        _write(files.junit, junit(found if floor.is_sound else [_condemned(floor)], target, utc_ns))
+    if files.fingerprint is not None:
+        _write(files.fingerprint, prints.text_of(mine))
+    if files.html is not None:
+        text = page(
+            found, floor=floor, target=target, claim=claim, seed=seed, utc_ns=utc_ns,
+            against=str(files.against or ""), differences=differences,
+        )  # fmt: skip
+        _write(files.html, text)
+    if output is Output.JSON:
+        told = [{"scenario": each.scenario, "text": each.text, "change": each.change} for each in differences]
+        print_json({"kind": "run", "claim": claim, "exit": code, "seed": seed, "differences": told})
+        return code
+    for each in differences:
+        typer.echo(f"{each.scenario:28} {each.text}")
+    if files.before is not None and not differences:
+        typer.echo(f"the same words as in {files.against}")
+    typer.echo(claim)
+    return code
+
+
+def _condemned(floor: Floor) -> Result:
+    from ahgateway.apps.check.result import Result, Verdict
+
+    text = f"the bench fails against itself: {floor.text}"
+    return Result("bench/against-itself", "The bench against itself", "", Verdict.ERROR, text)
+
+
+def _claim(found: list[Result], floor: Floor, *, is_whole: bool) -> str:
+    if not floor.is_sound:
+        return "bench broken: nothing is said of the product"
+    kinds = [each.verdict.value for each in found]
+    counted = ", ".join(f"{kinds.count(kind)} {kind}" for kind in MARKS if kind in kinds)
+    took = f"{sum(each.simulated_s for each in found):.0f} s simulated in {sum(each.wall_s for each in found):.1f} s"
+    stopped = "" if is_whole else "stopped before the end: "
+    return f"{stopped}{len(found)} scenarios: {counted or 'nothing was checked'}; {took}"
+
+
+def _say_floor(floor: Floor, output: Output) -> None:
+    if output is Output.JSON:
+        print_json({"kind": "bench", "sound": floor.is_sound, "text": floor.text, "noise": floor.noise})
+    else:
+        typer.echo(f"{'bench':28} {'sound' if floor.is_sound else 'BROKEN':12} {floor.text}")
+
+
+def _say(result: Result, output: Output) -> None:
+    from ahgateway.apps.check.result import State, Verdict
+
+    if output is Output.JSON:
+        print_json(_as_json(result))
+        return
+    typer.echo(f"{result.name:28} {MARKS[result.verdict.value]:12} {result.reason}")
+    if result.verdict is Verdict.PASS:
+        return
+    for each in result.outcomes:
+        if each.state is not State.MET:
+            typer.echo(f"{'':30}{each.state.value} {each.name}: {each.text}")
+    for trouble in result.troubles:
+        typer.echo(f"{'':30}bench, from {trouble.at_s:.2f} s on: {trouble.text}")
+
+
+def _as_json(result: Result) -> dict[str, Any]:
+    from ahgateway.apps.report import counts_json, number
+
+    return {
+        "kind": "scenario",
+        "name": result.name,
+        "instruction": result.instruction,
+        "verdict": result.verdict.value,
+        "reason": result.reason,
+        "seed": result.seed,
+        "expectations": [
+            {"name": each.name, "state": each.state.value, "text": each.text, "figure": number(each.figure),
+             "at": each.at_s}
+            for each in result.outcomes
+        ],
+        "troubles": [{"at": each.at_s, "text": each.text} for each in result.troubles],
+        "counts": counts_json(result.counts),
+        "coverage": result.counts.coverage,
+        "simulated_s": result.simulated_s,
+        "wall_s": round(result.wall_s, 3),
+    }  # fmt: skip
+
+
+def _is_wanted(name: str, expression: str) -> bool:
+    """`a or b and not c`, each a part of the name."""
+
+    def holds(term: str) -> bool:
+        text = term.strip()
+        return not holds(text[4:]) if text.startswith("not ") else text in name
+
+    alternatives = re.split(r"\s+or\s+", expression)
+    return any(all(holds(term) for term in re.split(r"\s+and\s+", each)) for each in alternatives)
+
+
+def _shard(scenarios: list[Scenario], text: str | None) -> list[Scenario]:
+    from ahgateway.apps.check.suite import sharded
+    from ahgateway.errors import ProfileError
+
+    if text is None:
+        return scenarios
+    match = re.fullmatch(r"(\d+)/(\d+)", text)
+    if match is None or not 1 <= int(match[1]) <= int(match[2]):
+        raise ProfileError(f"`{text}` is no shard, allowed are 1/N to N/N", key="--shard")
+    return sharded(scenarios, int(match[1]), int(match[2]))
+
+
+def _bench(profile: str | None, target: str | None, loop: str) -> Bench:
+    """The stations that meet: what the profile says of the PLC, and the fake that is the PLC."""
+    from ahgateway.apps.check.run import Bench
+    from ahgateway.errors import StateError
+    from ahgateway.schema.profile import load
+    from ahgateway.schema.scenario import library
+    from ahgateway.transports.uri import parse_uri
+
+    shipped = str(library() / "bench.toml")
+    station = load(profile or shipped).station()
+    wanted = parse_uri(target or station.target)
+    if wanted.scheme != "fake":
+        raise StateError(
+            f"{wanted.text}: check drives a simulated process, and writes neither PV nor a time line to a real PLC",
+            hint="name the PLC's profile with --profile and --target fake://PROFILE; `monitor` follows the real one",
+        )
+    if target is None:
+        return Bench(station, station, loop)
+    other = load(shipped if wanted.path == "bench" else wanted.path).station()
+    return Bench(station, other, loop)
+
+
+def _write(path: Path, text: str) -> None:
+    from ahgateway.errors import ProfileError
+
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ProfileError(f"cannot be written: {error.strerror}", file=str(path)) from error

@@ -1,0 +1,126 @@
+"""The shipped scenarios proven: the whole library, every wrong controller and every dialect, simulated ÷ wall time.
+
+python tests/bench/bench_check.py [library|mutants|dialects|speed]
+"""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from dataclasses import replace
+
+from ahgateway.apps.check.expect import judged
+from ahgateway.apps.check.result import State
+from ahgateway.apps.check.run import Bench, run
+from ahgateway.apps.check.suite import results
+from ahgateway.clock import MILLISECOND, SECOND, WallClock
+from ahgateway.codec.station import Station
+from ahgateway.core.dialect import AXES
+from ahgateway.fake.faults import FAULTS
+from ahgateway.schema.profile import load
+from ahgateway.schema.scenario import collected, library, parse
+
+WALL = WallClock()
+
+
+def say(line: str) -> None:
+    sys.stdout.write(line + "\n")
+    sys.stdout.flush()
+
+
+def bench() -> Bench:
+    station = load(str(library() / "bench.toml")).station()
+    return Bench(station, station)
+
+
+async def whole() -> None:
+    """The library on a healthy fake: verdicts and time."""
+    begun_ns, simulated_s, count = WALL.now_ns(), 0.0, 0
+    async for result in results(collected(["conformance"]), bench(), WALL):
+        count, simulated_s = count + 1, simulated_s + result.simulated_s
+        say(f"{result.name:26} {result.verdict.value:12} {result.wall_s:5.2f} s  {result.reason[:90]}")
+    took_s = (WALL.now_ns() - begun_ns) / SECOND
+    say(f"{count} scenarios, {simulated_s:.0f} s simulated in {took_s:.1f} s")
+
+
+async def mutants() -> None:
+    """Each fault of the fake: which scenarios diverge, and which see it without the shadow."""
+    for instruction in ("dpid", "dpide"):
+        scenarios = collected([instruction])
+        for name, fault in FAULTS.items():
+            if instruction.upper() not in fault.controllers:
+                continue
+            caught, blind = [], []
+            for scenario in scenarios:
+                seen = await run(scenario, replace(bench(), fault=name), 1, WALL)
+                violated = [each.name for each in judged(scenario, seen) if each.state is State.VIOLATED]
+                if "shadow" in violated:
+                    caught.append(scenario.name.partition("/")[2])
+                if set(violated) - {"shadow"}:
+                    blind.append(scenario.name.partition("/")[2])
+            mark = "caught" if caught else "MISSED"
+            say(f"{instruction:6} {name:26} {mark} by {len(caught):2}/{len(scenarios)}, "
+                  f"without the shadow by {len(blind)}: {', '.join(blind[:5])}")  # fmt: skip
+            if caught and len(caught) <= 4:
+                say(f"{'':34}only {', '.join(caught)}")
+
+
+async def dialects() -> None:
+    """Each other value of each axis, told apart by the fingerprints of the library."""
+    ground = bench()
+    for instruction in ("dpid", "dpide"):
+        scenarios = collected([instruction])
+        usual = {each.name: (await run(each, ground, 1, WALL)).digests for each in scenarios}
+        for axis, values in AXES.items():
+            for value in list(values)[1:]:
+                fake = with_axis(ground.station, axis, value)
+                hit = None
+                for scenario in scenarios:
+                    seen = await run(scenario, replace(ground, station=fake, fake=fake), 1, WALL)
+                    if seen.digests != usual[scenario.name]:
+                        hit = scenario.name
+                        break
+                say(f"{instruction:6} {axis}={value.name.lower():24} {hit or 'the same words'}")
+
+
+def with_axis(station: Station, axis: str, value: object) -> Station:
+    loops = tuple(replace(loop, dialect=loop.dialect._replace(**{axis: value})) for loop in station.loops)
+    return replace(station, loops=loops)
+
+
+SLOW = """
+title = "A loop of one second"
+instruction = "DPIDE"
+duration = 600.0
+plant = { kind = "fopdt", gain = 1.2, tau_s = 60.0, dead_time_s = 4.0, bias = 10.0, noise = 0.02, initial = 20.0 }
+[initial]
+SV = 50.0
+CYCLE = 1000
+Kc_Kp = 2.0
+Ti_Ki = 0.02
+[[step]]
+at = 300.0
+set = { SV = 60.0 }
+"""
+
+
+async def speed() -> None:
+    """Simulated ÷ wall time of one loop at CYCLE 1 s, by the length of a scan."""
+    scenario = parse(SLOW, "slow.toml", "bench/slow")
+    for scan_ms in (10, 50, 100):
+        begun_ns = WALL.now_ns()
+        seen = await run(scenario, replace(bench(), scan_ns=scan_ms * MILLISECOND), 1, WALL)
+        took_s = (WALL.now_ns() - begun_ns) / SECOND
+        say(f"scan {scan_ms:3} ms: {seen.simulated_s / took_s:6.0f} times real time, {seen.counts.informative} proven")
+
+
+WHAT = {"library": whole, "mutants": mutants, "dialects": dialects, "speed": speed}
+
+
+def main() -> None:
+    for name in sys.argv[1:] or ["library", "speed"]:
+        asyncio.run(WHAT[name]())
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,83 @@
+"""`ahgateway check` as a person and a CI job meet it: lines, exit codes, files."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+from typer.testing import CliRunner
+
+from ahgateway.cli.main import app
+from ahgateway.errors import StateError
+from ahgateway.schema.scenario import library
+
+RUNNER = CliRunner()
+
+SHORT = """
+title = "A loop at rest"
+instruction = "DPID"
+duration = 2.0
+plant = { kind = "fopdt", gain = 1.2, tau_s = 1.0, bias = 10.0, noise = 0.02, initial = 49.0 }
+initial = { SV = 50.0, CYCLE = 10, Kp = 1.1, Ki = 0.9 }
+"""
+
+
+def folder(tmp_path: Path, expect: str = "") -> str:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "rest.toml").write_text(SHORT + expect)
+    return str(tmp_path / "mine")
+
+
+def test_a_folder_that_passes_exits_0_and_writes_what_was_asked_for(tmp_path: Path) -> None:
+    files = [tmp_path / name for name in ("c.xml", "c.html", "c.json")]
+    asked = [folder(tmp_path), "--junit", files[0], "--html", files[1], "--fingerprint", files[2]]
+    result = RUNNER.invoke(app, ["check", *map(str, asked)])
+
+    assert (0, True) == (result.exit_code, all(each.exists() for each in files))
+    assert "mine/rest                    pass" in result.stdout
+    again = RUNNER.invoke(app, ["check", asked[0], "--against", str(files[2])])
+    assert (0, True) == (again.exit_code, "the same words as in" in again.stdout)
+
+
+def test_a_failure_exits_1_and_says_where(tmp_path: Path) -> None:
+    result = RUNNER.invoke(app, ["check", folder(tmp_path, '\n[[expect.response]]\nalways = "PV > 60"\n')])
+
+    assert 1 == result.exit_code
+    assert "violated response.0.always: `PV > 60` does not hold at 0.00 s" in result.stdout
+
+
+def test_json_is_one_object_a_line(tmp_path: Path) -> None:
+    result = RUNNER.invoke(app, ["check", folder(tmp_path), "--output", "json"])
+
+    told = [json.loads(line) for line in result.stdout.splitlines()]
+    assert ["bench", "scenario", "run"] == [each["kind"] for each in told]
+    assert ("pass", 0) == (told[1]["verdict"], told[2]["exit"])
+
+
+def test_an_empty_shard_is_no_pass(tmp_path: Path) -> None:
+    result = RUNNER.invoke(app, ["check", folder(tmp_path), "--shard", "2/2"])
+
+    assert (3, "") == (result.exit_code, result.stdout)
+
+
+def test_a_filter_that_matches_nothing_is_refused(tmp_path: Path) -> None:
+    result = RUNNER.invoke(app, ["check", folder(tmp_path), "-k", "not rest and not test"])
+
+    assert isinstance(result.exception, StateError)
+    assert "no scenario matches" in result.exception.message
+
+
+def test_a_real_target_is_refused_before_anything_is_sent(tmp_path: Path) -> None:
+    result = RUNNER.invoke(app, ["check", folder(tmp_path), "--target", "modbus+tcp://192.0.2.1:502"])
+
+    assert isinstance(result.exception, StateError)
+    assert "writes neither PV nor a time line to a real PLC" in result.exception.message
+
+
+def test_a_plc_that_is_no_match_for_the_profile_is_not_the_products_fault(tmp_path: Path) -> None:
+    """The shipped bench keeps its DPID at D300; a copy of it at D500 is another PLC."""
+    other = tmp_path / "other.toml"
+    other.write_text((library() / "bench.toml").read_text("utf-8").replace("D300", "D500"), "utf-8")
+    result = RUNNER.invoke(app, ["check", folder(tmp_path), "--target", f"fake://{other}"])
+
+    assert (3, True) == (result.exit_code, "wrong profile" in result.stdout)

@@ -1,0 +1,148 @@
+"""Scenario files: what a technician may write, and what a wrong one is told."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from ahgateway.errors import ProfileError
+from ahgateway.schema.formula import holds, names_of
+from ahgateway.schema.scenario import collected, known_differences, parse
+
+STEP = """
+title = "A step"
+instruction = "DPID"
+duration = 10.0
+plant = { kind = "fopdt", gain = 1.2, tau_s = 3.0 }
+
+[initial]
+SV = 50.0
+CYCLE = 10
+
+[[step]]
+at = 5.0
+set = { SV = 60.0 }
+
+[expect]
+clamps = true
+"""
+
+
+def refusal(text: str) -> ProfileError:
+    with pytest.raises(ProfileError) as caught:
+        parse(text, "step.toml", "mine/step")
+    return caught.value
+
+
+def test_a_scenario_is_read() -> None:
+    scenario = parse(STEP, "step.toml", "mine/step")
+
+    assert ("mine/step", "DPID", 10.0) == (scenario.name, scenario.controller.name, scenario.duration_s)
+    assert {"SV": 50.0, "CYCLE": 10} == dict(scenario.initial)
+    assert (5.0, {"SV": 60.0}) == (scenario.actions[0].at_s, dict(scenario.actions[0].set))
+    assert scenario.plant is not None
+    assert ("fopdt", 1.2, 3.0) == (scenario.plant.kind, scenario.plant.gain, scenario.plant.tau_s)
+
+
+def test_the_time_line_is_put_in_order() -> None:
+    late = STEP + "\n[[step]]\nat = 2.0\nset = { Kp = 2.0 }\n"
+
+    assert [2.0, 5.0] == [each.at_s for each in parse(late, "step.toml", "mine/step").actions]
+
+
+def test_a_sensor_may_deliver_no_number() -> None:
+    scenario = parse(STEP.replace("SV = 60.0", "PV = nan"), "step.toml", "mine/step")
+
+    assert math.isnan(scenario.actions[0].set["PV"])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message", "hint"),
+    [
+        ("clamps", "clamp", "step.toml: expect.clamp: unknown key", "did you mean `clamps`?"),
+        ("SV = 60.0", "SW = 60.0", "step.toml: step.0.set.SW: DPID has no operand of that name", "did you mean `SV`?"),
+        ("CYCLE = 10", "CYCLE = 1.5", "step.toml: initial.CYCLE: CYCLE is a DINT, 1.5 is not", None),
+        ('"DPID"', '"DPIDF"', 'step.toml: instruction: "DPIDF" cannot be checked, allowed are DPID, DPIDE', "did you"),
+        ("at = 5.0", "at = 15.0", "step.toml: step.0.at: is 15, but the scenario ends at 10", None),
+        ("set = { SV = 60.0 }", "ramp = { SV = 60.0 }", "step.toml: step.0.until: is missing, a ramp needs", None),
+        ("set = { SV = 60.0 }", "", "step.toml: step.0: does nothing", "give it set, ramp or do"),
+        ("set = { SV = 60.0 }", 'do = "halt"', 'step.toml: step.0.do: "halt" is not known', None),
+        (", tau_s = 3.0", "", "step.toml: plant.tau_s: is missing, a plant of kind fopdt needs it", None),
+        ('kind = "fopdt"', 'kind = "sopdt"', "step.toml: plant.tau2_s: is missing", None),
+        ("clamps = true", 'shadow = "ulp"', "step.toml: expect.ulp_max: is missing", None),
+        ("clamps = true", "recovery = 1.0", "step.toml: expect.recovery: has nothing to recover from", None),
+    ],
+)
+def test_a_wrong_scenario_is_refused(old: str, new: str, message: str, hint: str | None) -> None:
+    error = refusal(STEP.replace(old, new))
+
+    assert message in error.message
+    assert (error.hint or "").startswith(hint or "")
+
+
+@pytest.mark.parametrize(
+    ("formula", "message"),
+    [
+        ("PV + 1", "a comparison is wanted"),
+        ("PW < 1", "`PW` is no operand"),
+        ("__import__('os') == 1", "is not allowed"),
+        ("PV.real < 1", "is not allowed"),
+        ("PV ** 9 < 1", "is not allowed"),
+        ("abs(PV, SV) < 1", "`abs` takes 1 values"),
+        ("PV <", "it cannot be read"),
+    ],
+)
+def test_a_formula_outside_the_grammar_is_refused(formula: str, message: str) -> None:
+    window = f'\n[[expect.response]]\nafter = 1.0\nalways = "{formula}"\n'
+
+    assert message in refusal(STEP + window).message
+
+
+def test_several_errors_are_told_together() -> None:
+    error = refusal(STEP.replace("at = 5.0", "at = 15.0").replace("CYCLE = 10", "CYCLE = true"))
+
+    assert "2 errors" in error.message
+
+
+@pytest.mark.parametrize(
+    ("text", "is_met"),
+    [
+        ("abs(PV - SV) < 0.5", False),
+        ("0 <= MV <= 100 and not PID_MAN", True),
+        ("max(PV, SV) == 50 or MV > 99", True),
+        ("MV / (SV - 50) > 1", False),
+        ("-PV * 2 != -98", False),
+    ],
+)
+def test_a_formula_is_worth_what_arithmetic_says(text: str, is_met: bool) -> None:
+    values = {"PV": 49.0, "SV": 50.0, "MV": 33.0, "PID_MAN": False}
+
+    assert is_met is holds(text, values)
+    assert names_of(text) <= set(values)
+
+
+def test_the_shipped_library_is_whole() -> None:
+    names = [each.name for each in collected(["conformance"])]
+
+    assert 33 == len(names) == len(set(names))
+    assert {"dpid", "dpide"} == {name.partition("/")[0] for name in names}
+
+
+def test_a_path_that_leads_nowhere_names_what_is_shipped(tmp_path: Path) -> None:
+    with pytest.raises(ProfileError, match="shipped are conformance, dpid, dpide") as caught:
+        collected(["dpidd"])
+    assert "did you mean `dpid`?" == caught.value.hint
+    with pytest.raises(ProfileError, match="holds no scenario"):
+        collected([str(tmp_path)])
+
+
+def test_a_known_difference_has_reason_owner_and_expiry(tmp_path: Path) -> None:
+    file = tmp_path / "known.toml"
+    file.write_text('[[known]]\nscenario = "dpid/*"\nreason = "firmware 2.1"\nexpires = 2026-12-31\n')
+
+    with pytest.raises(ProfileError, match=r"known\.0\.owner: is missing"):
+        known_differences(file)
+    file.write_text(file.read_text() + 'owner = "Kim"\n')
+    assert ["Kim"] == [each.owner for each in known_differences(file)]
