@@ -21,6 +21,7 @@ from ahgateway.clock import MILLISECOND, SECOND, Clock
 from ahgateway.codec.station import Loop
 from ahgateway.errors import StateError
 from ahgateway.lockstep.gate.gate import Gate
+from ahgateway.lockstep.gate.states import State
 from ahgateway.lockstep.picture import Picture, Sampler
 from ahgateway.tuning.blocks import Params
 from ahgateway.tuning.noise import noise, resolution
@@ -239,7 +240,7 @@ class Experiment:
         inputs = picture.inputs
         t = (picture.last_ns - self._begun_ns) / SECOND
         self.rows.append((t, float(inputs.sv), float(inputs.pv), float(picture.seen["MV"])))
-        if self.gate.session is not None:
+        if self.gate.state is not State.DISARMED:
             self.gate.look(picture)
             await self.gate.check()
         self._judge()

@@ -7,7 +7,11 @@ from typing import Any
 import numpy as np
 
 from ahgateway.apps.pages import figure, framed, svg
-from ahgateway.apps.tune import HEADS, Tuning, compared, comparison_text, iae, model_text, rows, shown
+from ahgateway.apps.tune import HEADS, Tuning, compared, comparison_text, iae, model_text, named, rows, shown
+from ahgateway.apps.tune_apply import Verification
+from ahgateway.apps.tune_apply import as_text as verification_text
+from ahgateway.apps.tune_spread import HEADS as SPREAD_HEADS
+from ahgateway.apps.tune_spread import Spread, cells
 from ahgateway.tuning.compare import Comparison
 from ahgateway.tuning.predict import Response
 from ahgateway.tuning.propose import Proposal
@@ -43,11 +47,30 @@ and a load step of {{ load_step }} in MV.</figcaption></figure>
 {% if again %}<figure>{{ again }}<figcaption>The recorded run again, with what disturbed it then: as recorded (IAE
 {{ recorded_iae }}), and with the recommended gains.</figcaption></figure>{% endif %}
 {% endif %}
+{% if apart %}
+<h2>Repeats</h2>
+<p>{{ apart.count }} experiments, {{ apart.refused }} refused.</p>
+<table><tr>{% for head in spread_heads %}<th>{{ head }}</th>{% endfor %}</tr>
+{% for row in spread %}<tr>{% for cell in row %}<td>{{ cell }}</td>{% endfor %}</tr>{% endfor %}</table>
+{% endif %}
+{% if proof %}
+<h2>Verification</h2>
+<p>{{ proof_text }}</p>
+{% for line in proof.lines %}<p><code>{{ line }}</code></p>{% endfor %}
+<figure>{{ proof_plot }}<figcaption>Predicted before, and measured: PV with what was allowed around the prediction, and
+MV.</figcaption></figure>
+{% endif %}
 """
 
 
-def page(result: Tuning) -> str:
-    """Return the report as one HTML page that needs nothing else."""
+def page(result: Tuning, proof: Verification | None = None, apart: Spread | None = None) -> str:
+    """Return the report as one HTML page that needs nothing else.
+
+    Args:
+        result: The tuning.
+        proof: What became of gains that were tried.
+        apart: How far repeated experiments spread.
+    """
     identified = result.identified
     record = identified.record
     facts: dict[str, Any] = {
@@ -68,7 +91,7 @@ def page(result: Tuning) -> str:
     }
     loop = result.loop
     if loop is not None and result.found:
-        best = result.chosen or result.found[0]
+        best = named(result, proof.rule) if proof else result.chosen or result.found[0]
         facts |= {
             "instruction": loop.instruction,
             "sv_step": f"{loop.sv_step:g}",
@@ -88,6 +111,10 @@ def page(result: Tuning) -> str:
         if best.name in result.again:
             trace = Response(record.t_s, record.sv, record.pv, record.mv)
             facts |= {"again": _again(trace, result.again[best.name], best.name), "recorded_iae": f"{iae(trace):.4g}"}
+    if proof is not None:
+        facts |= {"proof": proof, "proof_text": verification_text(proof), "proof_plot": _proof(proof)}
+    if apart is not None:
+        facts |= {"spread": [cells(row) for row in apart.rows], "spread_heads": SPREAD_HEADS, "apart": apart}
     return framed(f"Tuning of {record.name}", BODY, **facts)
 
 
@@ -153,5 +180,21 @@ def _side_by_side(found: Comparison, name: str) -> Any:
     axes[0].set_ylabel("PV")
     axes[1].set_ylabel("MV")
     axes[1].legend(loc="best", frameon=False)
+    axes[-1].set_xlabel("s")
+    return svg(made)
+
+
+def _proof(found: Verification) -> Any:
+    made, axes = figure(2)
+    low, high = found.predicted_pv - found.tube, found.predicted_pv + found.tube
+    axes[0].fill_between(found.t_s, low, high, color="#eef6ee", linewidth=0.0)
+    axes[0].plot(found.t_s, found.sv, color="#1b1f24", linewidth=0.8, linestyle="--", label="SV")
+    axes[0].plot(found.t_s, found.pv, color="#59626c", linewidth=0.9, label="measured")
+    axes[0].plot(found.t_s, found.predicted_pv, color="#26734d", linewidth=1.1, label="predicted")
+    axes[1].step(found.t_s, found.mv, where="post", color="#59626c", linewidth=0.9)
+    axes[1].step(found.t_s, found.predicted_mv, where="post", color="#26734d", linewidth=1.0)
+    axes[0].legend(loc="best", frameon=False)
+    axes[0].set_ylabel("PV")
+    axes[1].set_ylabel("MV")
     axes[-1].set_xlabel("s")
     return svg(made)

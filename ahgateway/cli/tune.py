@@ -12,7 +12,10 @@ from ahgateway.cli.tape import RecordFrames
 from ahgateway.cli.view import Output
 
 if TYPE_CHECKING:
+    from ahgateway.apps.tune import Tuning
+    from ahgateway.apps.tune_session import Live
     from ahgateway.tuning.blocks import Params
+    from ahgateway.tuning.models import Kind
     from ahgateway.tuning.record import Record
 
 
@@ -28,7 +31,15 @@ def tune(
     pv_bounds: Annotated[tuple[float, float] | None, typer.Option(help="PV never leaves these; else aborted.")] = None,
     mv_bounds: Annotated[tuple[float, float] | None, typer.Option(help="MV never leaves these; else aborted.")] = None,
     rate: Annotated[float | None, typer.Option(help="Largest change of PV per second; else aborted.")] = None,
-    seconds: Annotated[float, typer.Option(help="Longest time of the whole experiment.", min=1.0)] = 600.0,
+    seconds: Annotated[float, typer.Option(help="Longest time of an experiment or a proof.", min=1.0)] = 600.0,
+    repeat: Annotated[int, typer.Option(help="Make the experiment so often; say how far results spread.", min=1)] = 1,
+    apply: Annotated[
+        str | None, typer.Option(metavar="RULE", help="Write this rule's gains, or `recommended`, and prove them.")
+    ] = None,
+    onto: Annotated[str | None, typer.Option(metavar="PROFILE", help="With --apply: where a file's gains go.")] = None,
+    sv_size: Annotated[float | None, typer.Option(help="Step of SV that proves gains; 5 % of PV's bounds.")] = None,
+    sv_hold: Annotated[float | None, typer.Option(help="Seconds SV stands on each side of that step.")] = None,
+    rollback: Annotated[bool, typer.Option("--rollback", help="Put back the gains that the last run kept.")] = False,
     save: Annotated[Path | None, typer.Option(help="Write the experiment's trace as CSV.")] = None,
     target: Annotated[str | None, typer.Option(help="Link to use instead of the profile's.")] = None,
     directory: Annotated[Path | None, typer.Option(help="Where journals and leases stand.")] = None,
@@ -51,55 +62,114 @@ def tune(
     """Find a loop's process in a recorded trace and propose gains in the loop's own form.
 
     With a CSV file or a recording it works without a PLC. With a profile, --experiment and --arm LOOP it moves MOUT or
-    SV through the write gate inside bounds, and puts everything back at the end, at an abort and at Ctrl-C. The gains
-    themselves are never written here. With --record everything seen and written is kept in a recording. Exit code 0
-    when proposals were made, 3 when the data were refused: too noisy, not excited, saturated, drifting, or a valve that
-    sticks; each with its number.
+    SV through the write gate inside bounds, and puts everything back at the end, at an abort and at Ctrl-C. With
+    --apply the gains are written as one set, proven by a step of SV up and back, and kept only when PV does what was
+    predicted. Exit code 0 when proposals were made and gains kept, 1 when gains were put back, 3 when the data were
+    refused: too noisy, not excited, saturated, drifting, or a valve that sticks; each with its number.
 
     Example: ahgateway tune step.csv --instruction DPIDE --set CYCLE=200 --set PID_EQ=TRUE --report step.html
 
     Example: ahgateway tune demo --experiment doublet --arm TIC-101 --pv-bounds 60 100
+
+    Example: ahgateway tune step.csv --apply "SIMC PI" --onto demo --arm TIC-101
     """
-    from ahgateway.apps.tune import as_json, as_text
     from ahgateway.apps.tune import tune as tuned
+    from ahgateway.apps.tune_session import Live
     from ahgateway.cli.profile import _say
+    from ahgateway.cli.tune_live import Asked, applied, excited, rolled_back
+
+    asked = Asked(
+        str(onto or source), arm, loop, experiment, size, hold, pv_bounds, mv_bounds, rate, seconds, target, save,
+        repeat, apply, sv_size, sv_hold,
+    )  # fmt: skip
+    if rollback:
+        _say(rolled_back(asked, directory))
+        return
+    typed = typed_settings(pairs(settings, "--set"))
+    kind = _kind(model)
+
+    def judge(record: Record, name: str, known: Params) -> Tuning:
+        return tuned(record, name, known | typed, dial=dial, kind=kind)
+
+    _check(source, experiment, apply, onto, repeat)
+    if experiment is not None:
+        live = excited(asked, directory, judge)
+    else:
+        # --loop names the recording's loop; where gains go, --arm names it, else the same name is meant.
+        result = judge(*_source(source, loop, instruction, pairs(columns, "--map")))
+        live = Live(result, (result,))
+        if apply is not None and not result.is_refused:
+            live = applied(asked, directory, result)
+    if report is not None:
+        _reported(report, live)
+    _shown(live, output)
+    if report is not None and output is Output.TEXT:
+        typer.echo(f"report written to {report}", err=True)
+    if live.error is not None:
+        raise live.error
+    raise typer.Exit(3 if live.result.is_refused else 1 if live.proof is not None and not live.proof.is_kept else 0)
+
+
+def _kind(model: str | None) -> Kind | None:
     from ahgateway.errors import ProfileError
     from ahgateway.tuning.models import Kind
 
     kinds = {kind.value: kind for kind in Kind}
     if model is not None and model.upper() not in kinds:
         raise ProfileError(f"`{model}` is no model, known are {', '.join(kinds)}", key="--model")
-    if experiment is None and record_file is not None:
-        raise ProfileError("keeps what an experiment shows, and none is asked for", key="--record")
-    if experiment is not None:
-        from ahgateway.cli.tune_live import Asked, excited
+    return kinds[model.upper()] if model else None
 
-        asked = Asked(
-            str(source), arm, loop, experiment, size, hold, pv_bounds, mv_bounds, rate, seconds, target, save,
-            record_file, record_frames,
-        )  # fmt: skip
-        record, name, known = excited(asked, directory)
-    else:
-        record, name, known = _source(source, loop, instruction, pairs(columns, "--map"))
-    typed = typed_settings(pairs(settings, "--set"))
-    kind = kinds[model.upper()] if model else None
-    result = tuned(record, name, known | typed, dial=dial, kind=kind)
-    if report is not None:
-        from ahgateway.apps.tune_page import page
 
-        try:
-            report.write_text(page(result), encoding="utf-8")
-        except OSError as error:
-            raise ProfileError(f"cannot be written: {error.strerror}", file=str(report)) from error
+def _check(source: Path, experiment: str | None, apply: str | None, onto: str | None, repeat: int) -> None:
+    """Options that only make sense together."""
+    from ahgateway.errors import ProfileError
+
+    if experiment is not None and onto is not None:
+        raise ProfileError(f"--experiment works on {source} itself", key="--onto", hint="leave --onto out")
+    if experiment is None and (apply is None) != (onto is None):
+        raise ProfileError(
+            "gains of a file need --apply RULE and --onto PROFILE, one of them is missing",
+            hint='--apply "SIMC PI" --onto demo',
+        )
+    if experiment is None and repeat > 1:
+        raise ProfileError("only an experiment can be repeated", key="--repeat", hint="--experiment doublet")
+
+
+def _reported(path: Path, live: Live) -> None:
+    from ahgateway.apps.tune_page import page
+    from ahgateway.apps.tune_spread import spread
+    from ahgateway.errors import ProfileError
+
+    text = page(live.result, live.proof, spread(live.repeats) if len(live.repeats) > 1 else None)
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise ProfileError(f"cannot be written: {error.strerror}", file=str(path)) from error
+
+
+def _shown(live: Live, output: Output) -> None:
+    from ahgateway.apps import tune as tuning
+    from ahgateway.apps import tune_apply, tune_spread
+    from ahgateway.cli.profile import _say
+
+    apart = tune_spread.spread(live.repeats) if len(live.repeats) > 1 else None
     if output is Output.JSON:
         import json
 
-        _say(json.dumps(as_json(result), ensure_ascii=False))
-    else:
-        _say(as_text(result))
-        if report is not None:
-            typer.echo(f"report written to {report}", err=True)
-    raise typer.Exit(3 if result.is_refused else 0)
+        facts = tuning.as_json(live.result) | {
+            "spread": tune_spread.as_json(apart) if apart else None,
+            "verification": tune_apply.as_json(live.proof) if live.proof else None,
+            "preview": list(live.preview),
+        }
+        _say(json.dumps(facts, ensure_ascii=False))
+        return
+    parts = [tuning.as_text(live.result)]
+    parts += [tune_spread.as_text(apart)] if apart else []
+    parts += [tune_apply.as_text(live.proof)] if live.proof else []
+    parts += ["\n".join(["would be written:", *(f"  {line}" for line in live.preview)])] if live.preview else []
+    _say("\n\n".join(parts))
+    if live.preview:
+        typer.echo("nothing was sent; --arm LOOP writes and proves it", err=True)
 
 
 def _source(

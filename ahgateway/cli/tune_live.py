@@ -1,32 +1,36 @@
-"""The live half of `ahgateway tune`: an experiment through the write gate, and its trace."""
+"""The live half of `ahgateway tune`: experiments and gains through the write gate."""
 
 from __future__ import annotations
 
 import asyncio
+import math
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
 from ahgateway.cli.gate_place import gate_directory, loop_named, until_stopped, who_asks
-from ahgateway.cli.tape import Recorded, one_loop, recorded
 
 if TYPE_CHECKING:
-    from ahgateway.apps.tune_experiment import Envelope, Wanted
+    from ahgateway.apps.tune import Tuning
+    from ahgateway.apps.tune_experiment import Envelope
+    from ahgateway.apps.tune_session import Gains, Judge, Live, Session
     from ahgateway.codec.station import Loop, Station
-    from ahgateway.tuning.blocks import Params
     from ahgateway.tuning.record import Record
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What was typed."""
+    """What was typed; `sv_size` and `sv_hold_s` belong to the proof of gains."""
 
     profile: str
     arm: str | None
     loop: str | None
-    experiment: str
+    experiment: str | None
     size: float | None
     hold_s: float | None
     pv: tuple[float, float] | None
@@ -35,32 +39,26 @@ class Asked:
     seconds: float
     target: str | None
     save: Path | None
-    recording: str | None = None
-    with_frames: bool = False
+    repeat: int = 1
+    apply: str | None = None
+    sv_size: float | None = None
+    sv_hold_s: float | None = None
 
 
-def excited(asked: Asked, directory: Path | None) -> tuple[Record, str, Params]:
-    """Carry out the experiment; return its trace, the instruction and the loop's settings.
+def excited(asked: Asked, directory: Path | None, judge: Judge) -> Live:
+    """Carry out the experiments, judge each, and try the gains that were asked for.
 
     Raises:
         ProfileError: What was asked for cannot be, or the loop is not armed.
         StateError: It was aborted; everything has been put back.
     """
     from ahgateway.apps.tune_experiment import Kind, Wanted
-    from ahgateway.cli.targets import resolved
     from ahgateway.errors import ProfileError
-    from ahgateway.schema.profile import load
 
     kinds = {kind.value: kind for kind in Kind}
     if asked.experiment not in kinds:
         raise ProfileError(f"`{asked.experiment}` is no experiment, known are {', '.join(kinds)}", key="--experiment")
-    if asked.arm and asked.loop and asked.arm != asked.loop:
-        raise ProfileError(f"--arm {asked.arm} and --loop {asked.loop} name two loops")
-    loaded = load(asked.profile)
-    station = resolved(loaded.station(), asked.target)
-    loop = loop_named(station, asked.arm or asked.loop)
-    if loop.controller.name not in ("DPID", "DPIDE"):
-        raise ProfileError(f"loop {loop.name} is a {loop.controller.name}, experiments know DPID and DPIDE")
+    station, loop = _found(asked)
     wanted = Wanted(kinds[asked.experiment], asked.size, asked.hold_s)
     bounds = envelope(asked, loop)
     if asked.arm is None:
@@ -69,12 +67,102 @@ def excited(asked: Asked, directory: Path | None) -> tuple[Record, str, Params]:
             f"{bounds.mv[0]:g}…{bounds.mv[1]:g}, {bounds.time_s:g} s at most: nothing was sent",
             hint=f"--arm {loop.name} does it",
         )
-    tape = Recorded(asked.recording, asked.with_frames, profile_text=loaded.text)
+    gains = _gains(asked)
+    live = _at_the_loop(
+        station, loop, bounds, directory, lambda session: session.excited(wanted, judge, asked.repeat, gains)
+    )
+    if asked.save is not None and live.record is not None:
+        _saved(asked.save, live.record)
+    return live
+
+
+def applied(asked: Asked, directory: Path | None, result: Tuning) -> Live:
+    """Try gains that a file gave on a live loop; without arming only say what would be written.
+
+    Raises:
+        ProfileError: What was asked for cannot be.
+        StateError: Refused, or aborted and everything put back.
+    """
+    station, loop = _found(asked)
+    from ahgateway.apps.tune_session import Live
+
+    gains = _gains(asked)
+    assert gains is not None
+
+    async def work(session: Session) -> Live:
+        if asked.arm is None:
+            return await session.previewed(result, gains.rule)
+        return Live(result, (result,), proof=await session.tried(result, gains))
+
+    return _at_the_loop(station, loop, envelope(asked, loop), directory, work)
+
+
+def _gains(asked: Asked) -> Gains | None:
+    from ahgateway.apps.tune_session import Gains
+
+    return None if asked.apply is None else Gains(asked.apply, asked.sv_size, asked.sv_hold_s)
+
+
+def _at_the_loop(
+    station: Station, loop: Loop, bounds: Envelope, directory: Path | None,
+    work: Callable[[Session], Coroutine[Any, Any, Result]],
+) -> Result:  # fmt: skip
+    """Open the link, do the work, and end in good order at a signal."""
+    from ahgateway.apps.tune_session import Session
+    from ahgateway.cli.targets import open_target
+    from ahgateway.clock import WallClock
+
+    async def run(folder: Path) -> Result:
+        clock = WallClock()
+        async with open_target(station, clock) as link:
+            session = Session(
+                station, loop, link, clock, folder, bounds,
+                who=who_asks(None), told=lambda text: typer.echo(text, err=True),
+            )  # fmt: skip
+            return await until_stopped(work(session))
+
     with gate_directory(station, directory) as folder:
-        record, settings = asyncio.run(_run(station, loop, folder, wanted, bounds, tape))
-    if asked.save is not None:
-        _saved(asked.save, record)
-    return record, loop.controller.name, settings
+        return asyncio.run(run(folder))
+
+
+def rolled_back(asked: Asked, directory: Path | None) -> str:
+    """Put back what the last kept run wrote; return how that went.
+
+    Raises:
+        ProfileError: The loop is not armed.
+        StateError: Something could not be put back.
+    """
+    from ahgateway.apps.tune_experiment import Envelope
+    from ahgateway.errors import ProfileError, StateError
+
+    if asked.arm is None:
+        raise ProfileError("--rollback changes something and needs --arm LOOP")
+    station, loop = _found(asked)
+
+    bounds = Envelope((-math.inf, math.inf), (-math.inf, math.inf))
+    restored = _at_the_loop(station, loop, bounds, directory, lambda session: session.gate.recover("tune: rolled back"))
+    if restored is None:
+        return f"{loop.name}: there is nothing to put back"
+    if not restored.is_clean:
+        raise StateError(
+            f"loop {loop.name}: {restored.text(loop)}",
+            hint="look at the loop; `ahgateway write --accept` takes it as it stands",
+        )
+    return f"{loop.name}: {restored.text(loop)}"
+
+
+def _found(asked: Asked) -> tuple[Station, Loop]:
+    from ahgateway.cli.targets import resolved
+    from ahgateway.errors import ProfileError
+    from ahgateway.schema.profile import load
+
+    if asked.arm and asked.loop and asked.arm != asked.loop:
+        raise ProfileError(f"--arm {asked.arm} and --loop {asked.loop} name two loops")
+    station = resolved(load(asked.profile).station(), asked.target)
+    loop = loop_named(station, asked.arm or asked.loop)
+    if loop.controller.name not in ("DPID", "DPIDE"):
+        raise ProfileError(f"loop {loop.name} is a {loop.controller.name}, experiments know DPID and DPIDE")
+    return station, loop
 
 
 def envelope(asked: Asked, loop: Loop) -> Envelope:
@@ -96,29 +184,6 @@ def envelope(asked: Asked, loop: Loop) -> Envelope:
         if not pair[0] < pair[1]:
             raise ProfileError(f"{pair[0]:g} is not below {pair[1]:g}", key=name)
     return Envelope(pv, mv, float("inf") if asked.rate is None else asked.rate, asked.seconds)
-
-
-async def _run(
-    station: Station, loop: Loop, folder: Path, wanted: Wanted, bounds: Envelope, tape: Recorded
-) -> tuple[Record, Params]:
-    from ahgateway.apps.tune_experiment import Experiment
-    from ahgateway.cli.targets import open_target
-    from ahgateway.clock import WallClock
-    from ahgateway.lockstep.gate.gate import Gate
-    from ahgateway.lockstep.picture import Sampler
-
-    clock = WallClock()
-
-    def told(text: str) -> None:
-        typer.echo(text, err=True)
-
-    with recorded(tape, one_loop(station, loop), clock, told) as sink:
-        async with open_target(station, clock, sink.tap) as link:
-            witness = sink.witness(loop)
-            gate = Gate(station, loop, link, clock, folder, who=who_asks(None), sees=witness.see, told=witness.told)
-            sampler = Sampler(loop, station, link, clock, witness.see)
-            made = Experiment(loop, gate, sampler, clock, bounds, told=told)
-            return await until_stopped(made.run(wanted))
 
 
 def _saved(path: Path, record: Record) -> None:
