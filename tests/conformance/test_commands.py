@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -35,8 +36,9 @@ def fake_plc() -> Iterator[str]:
         assert process.returncode == 0, said
 
 
-def test_demo_finds_exactly_the_planted_fault_and_exits_by_itself() -> None:
-    done = run("demo", timeout_s=30.0)
+def test_demo_finds_exactly_the_planted_fault_and_its_recording_comes_to_the_same_verdicts(tmp_path: Path) -> None:
+    path = tmp_path / "demo.ahrec"
+    done = run("demo", "--record", str(path), timeout_s=30.0)
 
     assert done.returncode == 0, done.stdout + done.stderr
     convicted = next(line for line in done.stdout.splitlines() if "DIVERGED:" in line)
@@ -44,6 +46,11 @@ def test_demo_finds_exactly_the_planted_fault_and_exits_by_itself() -> None:
         assert part in convicted
     assert "exactly the planted fault was found" in done.stdout
     assert "LIC-201 tick" not in done.stdout
+    again = run("replay", str(path), "--diverged")
+    assert again.returncode == 1, again.stdout + again.stderr
+    listed = next(line for line in again.stdout.splitlines() if "DIVERGED:" in line)
+    assert "cause gain: Kc_Kp acts as 2.0" in listed
+    assert re.fullmatch(r"the same verdicts as then: (\d+) of \1", again.stdout.splitlines()[-1])
 
 
 def test_demo_ends_cleanly_with_ctrl_c() -> None:

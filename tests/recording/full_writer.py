@@ -45,7 +45,7 @@ def main() -> None:
     resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     record(SECONDS)
     tape.close()
-    print(json.dumps({"kept": kept, "news": [*news, *tape.news()], "dropped": tape.figures.dropped}))
+    sys.stdout.write(json.dumps({"kept": kept, "news": [*news, *tape.news()], "dropped": tape.figures.dropped}))
 
 
 if __name__ == "__main__":
