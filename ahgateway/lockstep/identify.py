@@ -20,6 +20,7 @@ from ahgateway.codec.station import Loop
 from ahgateway.core.dialect import AXES, Dialect, IntegralStore, TsUnit
 from ahgateway.core.dialect_axes import TABLE, Axis
 from ahgateway.core.real import REAL, same_bits
+from ahgateway.lockstep.anchor import anchored, first_anchor, is_anchor, is_lost
 from ahgateway.lockstep.picture import Picture, predicted
 from ahgateway.lockstep.shadow import (
     Shadow,
@@ -27,14 +28,19 @@ from ahgateway.lockstep.shadow import (
     input_variants,
     judged_names,
     merged,
-    recalled,
     state_key,
     without_pv,
 )
-from ahgateway.lockstep.thinning import first_plain, is_dependent, thinned
+from ahgateway.lockstep.thinning import is_dependent, thinned
 
 CANDIDATES_MAX = 3000
 """More candidates than this after one execution: the trace is not fit to decide, and says so."""
+
+TRIALS_MAX = 40_000
+"""Trials that split axes, in one search: about 20 s of one core at worst. What is left then is named as it stands."""
+
+TRIALS_EACH_MAX = 5_000
+"""An execution that takes more of them is passed over, and the search begins again behind it: later ones cost less."""
 
 Fixed = Mapping[str, int]
 T = TypeVar("T")
@@ -84,6 +90,7 @@ class Identification:
         unexplained: The execution at which the last candidate fell, None when some survive.
         is_crowded: More combinations fit than can be followed: the trace has too few plain executions, automatic,
             between the limits, without dead band.
+        is_cut: The search ran out of trials; what came after `executions` was not looked at.
     """
 
     values: Mapping[str, tuple[int, ...]]
@@ -92,6 +99,7 @@ class Identification:
     informative: int
     unexplained: Unexplained | None = None
     is_crowded: bool = False
+    is_cut: bool = False
 
     @property
     def is_named(self) -> bool:
@@ -140,16 +148,33 @@ class _Candidate:
         return tuple(sorted((state_key(bound.low), state_key(bound.high)) for bound in self.shadow))
 
 
-def branched(fixed: dict[str, int], run: Callable[[Any], T | None]) -> list[tuple[dict[str, int], T]]:
+class _SpentError(Exception):
+    """One execution, or the search, has used up its trials."""
+
+
+@dataclass(slots=True)
+class _Budget:
+    trials: int = TRIALS_MAX
+    each: int = TRIALS_EACH_MAX
+
+    def spend(self, trials: int) -> None:
+        self.trials -= trials
+        self.each -= trials
+        if self.trials < 0 or self.each < 0:
+            raise _SpentError
+
+
+def branched(fixed: dict[str, int], run: Callable[[Any], T | None], budget: _Budget) -> list[tuple[dict[str, int], T]]:
     """Run with every combination of the open axes that the run asks for; runs that return None are dropped."""
     probe = Asked(fixed)
     result = run(probe)
     if not probe.asked:
         return [] if result is None else [(fixed, result)]
     axis = probe.asked[0]
+    budget.spend(len(AXES[axis]))
     found = []
     for value in AXES[axis]:
-        found.extend(branched({**fixed, axis: int(value)}, run))
+        found.extend(branched({**fixed, axis: int(value)}, run, budget))
     return found
 
 
@@ -171,19 +196,21 @@ def joined(candidates: list[_Candidate], known: Fixed) -> list[_Candidate]:
     return candidates
 
 
-def identify(loop: Loop, observations: Sequence[Observation]) -> Identification:
+def identify(loop: Loop, observations: Sequence[Observation], *, trials_max: int = TRIALS_MAX) -> Identification:
     """Eliminate the dialects that a trace contradicts.
 
     Args:
         loop: The loop; its own dialect does not count.
         observations: Executions in order, each between two pictures and alone there.
+        trials_max: How much work the search may be.
     """
     pairs = [(each.before, each.after) for each in observations]
     starts, has_kc = thinned(loop, pairs), is_dependent(pairs)
     candidates = [_Candidate(dict(fixed), ()) for fixed in starts]
     if not any(starts):
         return replace(_result(candidates, 0, 0, has_kc), is_crowded=True)
-    executions, informative, first = 0, 0, first_plain(loop, pairs)
+    executions, informative, budget = 0, 0, _Budget(trials_max)
+    first = first_anchor(replace(loop, dialect=_dialect(starts[0])), pairs, [each.is_next for each in observations])
     for number, each in enumerate(observations):
         if number < first:
             continue
@@ -193,7 +220,16 @@ def identify(loop: Loop, observations: Sequence[Observation]) -> Identification:
                 candidate.shadow = ()
         if is_tuning:
             continue
-        left = [after for candidate in candidates for after in _advanced(loop, candidate, each)]
+        may_begin = is_anchor(loop, pairs, number, is_next=each.is_next)
+        budget.each = TRIALS_EACH_MAX
+        try:
+            left = [after for one in candidates for after in _advanced(loop, one, each, may_begin, budget)]
+        except _SpentError:
+            if budget.trials < 0:
+                return replace(_result(candidates, executions, informative, has_kc), is_cut=True)
+            for candidate in candidates:
+                candidate.shadow = ()
+            continue
         if not left:
             return _none(loop, candidates, each, number, executions, informative)
         if any(candidate.shadow for candidate in candidates):
@@ -209,31 +245,47 @@ def identify(loop: Loop, observations: Sequence[Observation]) -> Identification:
     return _result(candidates, executions, informative, has_kc)
 
 
-def _advanced(loop: Loop, candidate: _Candidate, each: Observation) -> list[_Candidate]:
+def _advanced(
+    loop: Loop, candidate: _Candidate, each: Observation, may_begin: bool, budget: _Budget
+) -> list[_Candidate]:
     """What a candidate becomes behind one execution: nothing when it does not explain it."""
     if not candidate.shadow:
-        return _seeded(loop, candidate, each)
-    variants = input_variants(loop, each.before, each.after)
+        return _seeded(loop, candidate, each, budget) if may_begin else [candidate]
+    variants = _variants(loop, each)
     names = judged_names(loop)
 
     def run(dialect: Any) -> Shadow | None:
         asking = replace(loop, dialect=dialect)
         found = explain(asking, candidate.shadow, variants, each.after.seen, names)
         if found.fits:
-            return merged(fit.after for fit in found.fits)
+            behind = merged(fit.after for fit in found.fits)
+            return () if is_lost(behind) else behind
         return without_pv(asking, candidate.shadow, variants, each.after.seen) or None
 
-    grown = [_Candidate(fixed, shadow) for fixed, shadow in branched(candidate.fixed, run)]
+    grown = [_Candidate(fixed, shadow) for fixed, shadow in branched(candidate.fixed, run, budget)]
     return joined(grown, candidate.fixed) if len(grown) > 1 else grown
 
 
-def _seeded(loop: Loop, candidate: _Candidate, each: Observation) -> list[_Candidate]:
+def _variants(loop: Loop, each: Observation) -> list[Any]:
+    """What the execution can have read; in automatic its PV is the one that it recorded, and no other is tried.
+
+    With a PV that was never used the law may run into its limits and ask for axes that say nothing here.
+    """
+    recorded = [each.after.seen[word.name] for word in loop.controller.seen if word.attr == "pv1"]
+    return [
+        inputs
+        for inputs in input_variants(loop, each.before, each.after)
+        if not recorded or not inputs.pid_run or inputs.pid_man or same_bits(inputs.pv, recorded[0])
+    ]
+
+
+def _seeded(loop: Loop, candidate: _Candidate, each: Observation, budget: _Budget) -> list[_Candidate]:
     """Begin behind an execution: every hidden state that it can have left."""
 
     def run(dialect: Any) -> Shadow:
-        return recalled(replace(loop, dialect=dialect), (each.after.inputs, each.before.inputs), each.after.seen)
+        return anchored(replace(loop, dialect=dialect), each.before, each.after)
 
-    grown = [_Candidate(fixed, shadow) for fixed, shadow in branched(candidate.fixed, run)]
+    grown = [_Candidate(fixed, shadow) for fixed, shadow in branched(candidate.fixed, run, budget)]
     return joined(grown, candidate.fixed) if len(grown) > 1 else grown
 
 

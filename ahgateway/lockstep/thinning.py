@@ -81,7 +81,7 @@ def thinned(loop: Loop, pairs: Sequence[Pair]) -> list[dict[str, int]]:
 def first_plain(loop: Loop, pairs: Sequence[Pair]) -> int:
     """Place of the first two plain executions in a row, 0 when there are none: there hidden state settles fastest."""
     for number in range(len(pairs) - 1):
-        if _is_plain(loop, pairs[number]) and _is_plain(loop, pairs[number + 1]):
+        if is_plain(loop, pairs[number]) and is_plain(loop, pairs[number + 1]):
             return number
     return 0
 
@@ -91,7 +91,7 @@ def is_dependent(pairs: Sequence[Pair]) -> bool:
     return any(getattr(picture.inputs, "pid_eq", False) for pair in pairs for picture in pair)
 
 
-def _is_plain(loop: Loop, pair: Pair) -> bool:
+def is_plain(loop: Loop, pair: Pair) -> bool:
     before, after = pair
     read = after.inputs
     low, high = sorted((float(read.mv_min), float(read.mv_max)))
@@ -113,14 +113,14 @@ def _plain(loop: Loop, pairs: Sequence[Pair]) -> Plain | None:
     rows: list[tuple[Any, ...]] = []
     was_plain = was_row = False
     for number, pair in enumerate(pairs):
-        is_plain = _is_plain(loop, pair)
+        is_now = is_plain(loop, pair)
         joins = number > 0 and all(same_bits(pairs[number - 1][1].seen[name], pair[0].seen[name]) for name in names)
-        if is_plain and was_plain and joins:
+        if is_now and was_plain and joins:
             rows.append(_row(pairs[number - 1][1].inputs, pair, recorded, was_row))
             was_row = True
         else:
             was_row = False
-        was_plain = is_plain
+        was_plain = is_now
         if len(rows) >= MOST:
             break
     if len(rows) < PLAIN_MIN:
