@@ -15,6 +15,7 @@ from ahgateway.clock import SECOND
 from ahgateway.core import flags
 from ahgateway.core.real import bits
 from ahgateway.core.verdict import Counts, outcome, reason
+from ahgateway.lockstep.cause_pages import code_of
 from ahgateway.lockstep.events import Change, Finding
 from ahgateway.lockstep.follow import Follower
 from ahgateway.lockstep.judge import Execution
@@ -84,8 +85,14 @@ def _execution(event: Execution) -> Json:
         "plc_bits": hexadecimal(blame.plc) if blame else None,
         "ref_bits": hexadecimal(blame.ref) if blame else None,
         "cause": blame.cause if blame else None,
+        "code": code_of(blame.cause) if blame else None,
         "causes": [
-            {"cause": suspect.cause, "operand": suspect.operand, "evidence": suspect.evidence}
+            {
+                "cause": suspect.cause,
+                "code": code_of(suspect.cause),
+                "operand": suspect.operand,
+                "evidence": suspect.evidence,
+            }
             for suspect in (blame.suspects if blame else ())
         ],
     }
@@ -106,6 +113,7 @@ def summary_json(monitor: Monitor, follower: Follower, utc_ns: int, coverage_min
         "reason": reason(counts, coverage_min),
         "findings": list(follower.findings),
         "cause": follower.suspects[0].cause if follower.suspects else None,
+        "code": code_of(follower.suspects[0].cause) if follower.suspects else None,
         "torn_pictures": sum(watch.sampler.torn_count for watch in monitor.watches if watch.follower is follower),
     }
 

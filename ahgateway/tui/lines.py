@@ -14,6 +14,7 @@ from ahgateway.core import flags
 from ahgateway.core.controllers.pid_reg_ce import PHASES
 from ahgateway.core.real import ulp_distance
 from ahgateway.core.verdict import Verdict, reason
+from ahgateway.lockstep.cause_pages import code_of
 from ahgateway.lockstep.causes import Blame
 from ahgateway.lockstep.events import Change, Finding
 from ahgateway.lockstep.follow import Follower, output_of, process_value_of, target_of, verdict_now
@@ -62,7 +63,7 @@ def blame_text(blame: Blame) -> str:
     return (
         f"{blame.term} plc {shown(blame.plc)} ({hexadecimal(blame.plc)}), "
         f"ref {shown(blame.ref)} ({hexadecimal(blame.ref)}){apart}; "
-        f"cause {suspect.cause}: {suspect.evidence}"
+        f"cause {suspect.cause} ({code_of(suspect.cause)}): {suspect.evidence}"
     )
 
 
@@ -144,6 +145,7 @@ def summary_lines(monitor: Monitor, coverage_min: float) -> list[str]:
             lines.append(f"{watch.loop.name}: first at tick {first[0].tick}: {blame_text(first[1].blame)}")
         suspects = watch.follower.suspects
         if suspects:
-            lines.append(f"{watch.loop.name}: likely cause {suspects[0].cause}: {suspects[0].evidence}")
+            cause = suspects[0].cause
+            lines.append(f"{watch.loop.name}: likely cause {cause} ({code_of(cause)}): {suspects[0].evidence}")
     lines.append(link_line(monitor.link.target, monitor.link.figures))
     return lines

@@ -199,15 +199,17 @@ async def test_every_json_line_has_the_normative_keys() -> None:
     for line in lines:
         assert {"t", "loop", "tick", "kind"} <= json.loads(json.dumps(line, allow_nan=False)).keys()
     executions = [line for line in lines if line["kind"] == "execution"]
-    keys = {"verdict", "proof", "class", "terms", "term", "plc", "ref", "plc_bits", "ref_bits", "cause"}
+    keys = {"verdict", "proof", "class", "terms", "term", "plc", "ref", "plc_bits", "ref_bits", "cause", "code"}
     assert all(keys <= line.keys() for line in executions)
     diverged = next(line for line in executions if line["verdict"] == "DIVERGED")
     assert diverged["term"] == "P"
     assert diverged["cause"] == "gain"
+    assert "AHG251" == diverged["code"] == diverged["causes"][0]["code"]
     assert diverged["plc_bits"].startswith("0x")
     assert len(diverged["ref_bits"]) == 10
     assert lines[-1]["counts"]["diverged"] >= 1
     assert lines[-1]["verdict"] == "DIFFERENT"
+    assert "AHG251" == lines[-1]["code"]
 
 
 async def test_plain_lines_name_loop_term_both_values_bits_and_cause() -> None:
@@ -218,8 +220,16 @@ async def test_plain_lines_name_loop_term_both_values_bits_and_cause() -> None:
 
     lines = [line for report in session.reports if (line := event_line(report)) is not None]
     convicted = next(line for line in lines if "DIVERGED" in line)
-    for part in ("L1 tick", "P plc ", "ref ", "(0x", "ULP", "cause gain: Kc_Kp acts as 2.0", "its register holds 2"):
+    for part in (
+        "L1 tick",
+        "P plc ",
+        "ref ",
+        "(0x",
+        "ULP",
+        "cause gain (AHG251): Kc_Kp acts as 2.0",
+        "its register holds 2",
+    ):
         assert part in convicted
     follower = session.monitor.watches[0].follower
     assert "L1 DIVERGED SV 66 PV" in status_line(follower, 0, session.world.clock.now_ns())
-    assert any("likely cause gain" in line for line in summary_lines(session.monitor, 0.0))
+    assert any("likely cause gain (AHG251): " in line for line in summary_lines(session.monitor, 0.0))

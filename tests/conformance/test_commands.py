@@ -42,14 +42,14 @@ def test_demo_finds_exactly_the_planted_fault_and_its_recording_comes_to_the_sam
 
     assert done.returncode == 0, done.stdout + done.stderr
     convicted = next(line for line in done.stdout.splitlines() if "DIVERGED:" in line)
-    for part in ("TIC-101", "P plc", "ref", "(0x", "cause gain: Kc_Kp acts as 2.0", "+1.0"):
+    for part in ("TIC-101", "P plc", "ref", "(0x", "cause gain (AHG251): Kc_Kp acts as 2.0", "+1.0"):
         assert part in convicted
     assert "exactly the planted fault was found" in done.stdout
     assert "LIC-201 tick" not in done.stdout
     again = run("replay", str(path), "--diverged")
     assert again.returncode == 1, again.stdout + again.stderr
     listed = next(line for line in again.stdout.splitlines() if "DIVERGED:" in line)
-    assert "cause gain: Kc_Kp acts as 2.0" in listed
+    assert "cause gain (AHG251): Kc_Kp acts as 2.0" in listed
     assert re.fullmatch(r"the same verdicts as then: (\d+) of \1", again.stdout.splitlines()[-1])
 
 
