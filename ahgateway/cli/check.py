@@ -29,6 +29,9 @@ def check(
     target: Annotated[
         str | None, typer.Option(help="The PLC, fake://PROFILE; without it the profile's own fake.")
     ] = None,
+    over: Annotated[
+        str, typer.Option(help="How it is reached: memory, tcp, rtu or ascii on a local socket.")
+    ] = "memory",
     loop: Annotated[str, typer.Option(help="Loop to use; the first with the scenario's instruction otherwise.")] = "",
     expression: Annotated[
         str,
@@ -68,7 +71,7 @@ def check(
             f"no scenario matches -k `{expression}`", hint="`ahgateway check conformance` runs the shipped"
         )
     part = _shard(scenarios, shard)
-    bench = _bench(profile, target, loop)
+    bench = _bench(profile, target, loop, over)
     entries = () if known is None else known_differences(known)
     files = _Files(junit, html, fingerprint, against, is_part=bool(expression or shard))
     raise typer.Exit(asyncio.run(_check(part, bench, seed, repeat, entries, files, output)))
@@ -257,14 +260,17 @@ def _shard(scenarios: list[Scenario], text: str | None) -> list[Scenario]:
     return sharded(scenarios, int(match[1]), int(match[2]))
 
 
-def _bench(profile: str | None, target: str | None, loop: str) -> Bench:
+def _bench(profile: str | None, target: str | None, loop: str, over: str) -> Bench:
     """The stations that meet: what the profile says of the PLC, and the fake that is the PLC."""
     from ahgateway.apps.check.run import Bench
-    from ahgateway.errors import StateError
+    from ahgateway.apps.check.wires import WIRES
+    from ahgateway.errors import ProfileError, StateError
     from ahgateway.schema.profile import load
     from ahgateway.schema.scenario import library
     from ahgateway.transports.uri import parse_uri
 
+    if over not in WIRES:
+        raise ProfileError(f"`{over}` is no wire, allowed are {', '.join(WIRES)}", key="--over")
     shipped = str(library() / "bench.toml")
     station = load(profile or shipped).station()
     wanted = parse_uri(target or station.target)
@@ -274,9 +280,9 @@ def _bench(profile: str | None, target: str | None, loop: str) -> Bench:
             hint="name the PLC's profile with --profile and --target fake://PROFILE; `monitor` follows the real one",
         )
     if target is None:
-        return Bench(station, station, loop)
+        return Bench(station, station, loop, wire=WIRES[over])
     other = load(shipped if wanted.path == "bench" else wanted.path).station()
-    return Bench(station, other, loop)
+    return Bench(station, other, loop, wire=WIRES[over])
 
 
 def _write(path: Path, text: str) -> None:

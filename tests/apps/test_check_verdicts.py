@@ -11,6 +11,7 @@ from apps.check_bench import BENCH, HEAD, STATION, STEP, floored, ran, scenario,
 
 from ahgateway.apps.check.result import Outcome, State, Trouble, Verdict, concluded, excused, run_exit
 from ahgateway.apps.check.suite import results, sharded, unused
+from ahgateway.apps.check.wires import WIRES
 from ahgateway.codec.devices import parse_device
 from ahgateway.core.dialect import Integrator
 from ahgateway.fake.faults import FAULTS
@@ -250,3 +251,14 @@ def test_shards_together_are_the_whole() -> None:
     parts = [sharded(everything, index, 4) for index in (1, 2, 3, 4)]
 
     assert sorted(each.name for each in everything) == sorted(each.name for part in parts for each in part)
+
+
+# Wires.
+
+
+@pytest.mark.parametrize("wire", ["tcp", "rtu"])
+def test_a_scenario_gives_the_same_words_over_every_wire(wire: str) -> None:
+    short = replace(scenario(""), duration_s=1.5)
+    result = ran(short, replace(BENCH, wire=WIRES[wire]))
+
+    assert (Verdict.PASS, ran(short).digests) == (result.verdict, result.digests)

@@ -58,7 +58,7 @@ async def mutants() -> None:
                     caught.append(scenario.name.partition("/")[2])
                 if set(violated) - {"shadow"}:
                     blind.append(scenario.name.partition("/")[2])
-            mark = "caught" if caught else "MISSED"
+            mark = "caught" if caught or blind else "MISSED"
             say(f"{instruction:6} {name:26} {mark} by {len(caught):2}/{len(scenarios)}, "
                   f"without the shadow by {len(blind)}: {', '.join(blind[:5])}")  # fmt: skip
             if caught and len(caught) <= 4:

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from ahgateway.apps.check.result import Trouble
+from ahgateway.apps.check.wires import Wire, memory
 from ahgateway.clock import MILLISECOND, SECOND, Clock, VirtualClock
 from ahgateway.codec.access import Request
 from ahgateway.codec.station import Const, FakeLoop, Loop, Station, Tolerance
@@ -32,7 +33,6 @@ from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.picture import Picture, Sampler
 from ahgateway.schema.scenario import Action, Scenario
 from ahgateway.transports.base import Link, LinkFigures, Reply
-from ahgateway.transports.memory import MemoryLink
 
 POLLS_PER_CYCLE = 2
 RAMP_NS = 50 * MILLISECOND
@@ -42,9 +42,6 @@ RESTART_NS = SECOND
 
 UNREACHABLE_MAX = 20
 """After so many silent tries in a row that the scenario did not ask for, it is ended."""
-
-Wire = Callable[[FakePlc, Clock], Link]
-"""How a fake is reached."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +63,7 @@ class Bench:
     loop: str = ""
     fault: str | None = None
     scan_ns: int = 10 * MILLISECOND
-    wire: Wire = MemoryLink
+    wire: Wire = memory
     prepare: Callable[[FakePlc], None] | None = None
 
 
@@ -158,11 +155,8 @@ async def run(scenario: Scenario, bench: Bench, seed: int, wall: Clock) -> Seen:
     loop = _believed(loop_for(bench.station, scenario.controller.name, bench.loop), scenario)
     station = replace(bench.station, loops=(loop,))
     plc = _plc(scenario, bench, seed, clock)
-    link = CutLink(bench.wire(plc, clock), clock)
-    try:
-        return await _Course(scenario, station, loop, plc, link, clock, wall).run()
-    finally:
-        await link.close()
+    async with bench.wire(plc, clock) as link:
+        return await _Course(scenario, station, loop, plc, CutLink(link, clock), clock, wall).run()
 
 
 def _believed(loop: Loop, scenario: Scenario) -> Loop:
