@@ -12,6 +12,7 @@ from ahgateway.apps.tune import Tuning, named
 from ahgateway.apps.tune_apply import Trial, Verification
 from ahgateway.apps.tune_experiment import Envelope, Experiment, Wanted
 from ahgateway.apps.tune_spread import middle
+from ahgateway.apps.witness import Witness
 from ahgateway.clock import Clock
 from ahgateway.codec.station import Loop, Station
 from ahgateway.errors import AhGatewayError
@@ -66,15 +67,17 @@ class Session:
         bounds: Within what everything stays.
         who: Who asks, for the journal.
         told: Called with a line of text whenever something begins or ends.
+        witness: Keeps what is seen and written.
     """
 
     def __init__(
         self, station: Station, loop: Loop, link: Link, clock: Clock, folder: Path, bounds: Envelope, *,
-        who: str = "", told: Callable[[str], None] = lambda text: None,
+        who: str = "", told: Callable[[str], None] = lambda text: None, witness: Witness | None = None,
     ) -> None:  # fmt: skip
+        witness = witness or Witness(loop, None)
         self.loop, self.bounds, self._clock, self._told = loop, bounds, clock, told
-        self.gate = Gate(station, loop, link, clock, folder, who=who)
-        self._sampler = Sampler(loop, station, link, clock)
+        self.gate = Gate(station, loop, link, clock, folder, who=who, sees=witness.see, told=witness.told)
+        self._sampler = Sampler(loop, station, link, clock, witness.see)
 
     async def excited(self, wanted: Wanted, judge: Judge, repeat: int = 1, gains: Gains | None = None) -> Live:
         """Make the experiment, as often as asked, judge each, and try gains of the one in the middle.

@@ -64,8 +64,9 @@ def tune(
     With a CSV file or a recording it works without a PLC. With a profile, --experiment and --arm LOOP it moves MOUT or
     SV through the write gate inside bounds, and puts everything back at the end, at an abort and at Ctrl-C. With
     --apply the gains are written as one set, proven by a step of SV up and back, and kept only when PV does what was
-    predicted. Exit code 0 when proposals were made and gains kept, 1 when gains were put back, 3 when the data were
-    refused: too noisy, not excited, saturated, drifting, or a valve that sticks; each with its number.
+    predicted. With --record everything seen and written at the loop is kept in a recording. Exit code 0 when proposals
+    were made and gains kept, 1 when gains were put back, 3 when the data were refused: too noisy, not excited,
+    saturated, drifting, or a valve that sticks; each with its number.
 
     Example: ahgateway tune step.csv --instruction DPIDE --set CYCLE=200 --set PID_EQ=TRUE --report step.html
 
@@ -77,10 +78,11 @@ def tune(
     from ahgateway.apps.tune_session import Live
     from ahgateway.cli.profile import _say
     from ahgateway.cli.tune_live import Asked, applied, excited, rolled_back
+    from ahgateway.errors import ProfileError
 
     asked = Asked(
         str(onto or source), arm, loop, experiment, size, hold, pv_bounds, mv_bounds, rate, seconds, target, save,
-        repeat, apply, sv_size, sv_hold,
+        repeat, apply, sv_size, sv_hold, record_file, record_frames,
     )  # fmt: skip
     if rollback:
         _say(rolled_back(asked, directory))
@@ -92,6 +94,8 @@ def tune(
         return tuned(record, name, known | typed, dial=dial, kind=kind)
 
     _check(source, experiment, apply, onto, repeat)
+    if record_file is not None and experiment is None and apply is None:
+        raise ProfileError("keeps what is seen at a loop, and a file is no loop", key="--record")
     if experiment is not None:
         live = excited(asked, directory, judge)
     else:
@@ -164,7 +168,8 @@ def _shown(live: Live, output: Output) -> None:
         _say(json.dumps(facts, ensure_ascii=False))
         return
     parts = [tuning.as_text(live.result)]
-    parts += [tune_spread.as_text(apart)] if apart else []
+    rules = [each.name for each in (live.result.chosen,) if each] + ([live.proof.rule] if live.proof else [])
+    parts += [tune_spread.as_text(apart, rules)] if apart else []
     parts += [tune_apply.as_text(live.proof)] if live.proof else []
     parts += ["\n".join(["would be written:", *(f"  {line}" for line in live.preview)])] if live.preview else []
     _say("\n\n".join(parts))

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import typer
 
 from ahgateway.cli.gate_place import gate_directory, loop_named, until_stopped, who_asks
+from ahgateway.cli.tape import Recorded, one_loop, recorded
 
 if TYPE_CHECKING:
     from ahgateway.apps.tune import Tuning
@@ -43,6 +44,8 @@ class Asked:
     apply: str | None = None
     sv_size: float | None = None
     sv_hold_s: float | None = None
+    recording: str | None = None
+    with_frames: bool = False
 
 
 def excited(asked: Asked, directory: Path | None, judge: Judge) -> Live:
@@ -58,7 +61,7 @@ def excited(asked: Asked, directory: Path | None, judge: Judge) -> Live:
     kinds = {kind.value: kind for kind in Kind}
     if asked.experiment not in kinds:
         raise ProfileError(f"`{asked.experiment}` is no experiment, known are {', '.join(kinds)}", key="--experiment")
-    station, loop = _found(asked)
+    station, loop, tape = _found(asked)
     wanted = Wanted(kinds[asked.experiment], asked.size, asked.hold_s)
     bounds = envelope(asked, loop)
     if asked.arm is None:
@@ -69,7 +72,7 @@ def excited(asked: Asked, directory: Path | None, judge: Judge) -> Live:
         )
     gains = _gains(asked)
     live = _at_the_loop(
-        station, loop, bounds, directory, lambda session: session.excited(wanted, judge, asked.repeat, gains)
+        station, loop, bounds, directory, tape, lambda session: session.excited(wanted, judge, asked.repeat, gains)
     )
     if asked.save is not None and live.record is not None:
         _saved(asked.save, live.record)
@@ -83,7 +86,7 @@ def applied(asked: Asked, directory: Path | None, result: Tuning) -> Live:
         ProfileError: What was asked for cannot be.
         StateError: Refused, or aborted and everything put back.
     """
-    station, loop = _found(asked)
+    station, loop, tape = _found(asked)
     from ahgateway.apps.tune_session import Live
 
     gains = _gains(asked)
@@ -94,7 +97,7 @@ def applied(asked: Asked, directory: Path | None, result: Tuning) -> Live:
             return await session.previewed(result, gains.rule)
         return Live(result, (result,), proof=await session.tried(result, gains))
 
-    return _at_the_loop(station, loop, envelope(asked, loop), directory, work)
+    return _at_the_loop(station, loop, envelope(asked, loop), directory, tape, work)
 
 
 def _gains(asked: Asked) -> Gains | None:
@@ -104,7 +107,7 @@ def _gains(asked: Asked) -> Gains | None:
 
 
 def _at_the_loop(
-    station: Station, loop: Loop, bounds: Envelope, directory: Path | None,
+    station: Station, loop: Loop, bounds: Envelope, directory: Path | None, tape: Recorded,
     work: Callable[[Session], Coroutine[Any, Any, Result]],
 ) -> Result:  # fmt: skip
     """Open the link, do the work, and end in good order at a signal."""
@@ -112,14 +115,18 @@ def _at_the_loop(
     from ahgateway.cli.targets import open_target
     from ahgateway.clock import WallClock
 
+    def told(text: str) -> None:
+        typer.echo(text, err=True)
+
     async def run(folder: Path) -> Result:
         clock = WallClock()
-        async with open_target(station, clock) as link:
-            session = Session(
-                station, loop, link, clock, folder, bounds,
-                who=who_asks(None), told=lambda text: typer.echo(text, err=True),
-            )  # fmt: skip
-            return await until_stopped(work(session))
+        with recorded(tape, one_loop(station, loop), clock, told) as sink:
+            async with open_target(station, clock, sink.tap) as link:
+                session = Session(
+                    station, loop, link, clock, folder, bounds,
+                    who=who_asks(None), told=told, witness=sink.witness(loop),
+                )  # fmt: skip
+                return await until_stopped(work(session))
 
     with gate_directory(station, directory) as folder:
         return asyncio.run(run(folder))
@@ -137,10 +144,12 @@ def rolled_back(asked: Asked, directory: Path | None) -> str:
 
     if asked.arm is None:
         raise ProfileError("--rollback changes something and needs --arm LOOP")
-    station, loop = _found(asked)
+    station, loop, tape = _found(asked)
 
     bounds = Envelope((-math.inf, math.inf), (-math.inf, math.inf))
-    restored = _at_the_loop(station, loop, bounds, directory, lambda session: session.gate.recover("tune: rolled back"))
+    restored = _at_the_loop(
+        station, loop, bounds, directory, tape, lambda session: session.gate.recover("tune: rolled back")
+    )
     if restored is None:
         return f"{loop.name}: there is nothing to put back"
     if not restored.is_clean:
@@ -151,18 +160,19 @@ def rolled_back(asked: Asked, directory: Path | None) -> str:
     return f"{loop.name}: {restored.text(loop)}"
 
 
-def _found(asked: Asked) -> tuple[Station, Loop]:
+def _found(asked: Asked) -> tuple[Station, Loop, Recorded]:
     from ahgateway.cli.targets import resolved
     from ahgateway.errors import ProfileError
     from ahgateway.schema.profile import load
 
     if asked.arm and asked.loop and asked.arm != asked.loop:
         raise ProfileError(f"--arm {asked.arm} and --loop {asked.loop} name two loops")
-    station = resolved(load(asked.profile).station(), asked.target)
+    loaded = load(asked.profile)
+    station = resolved(loaded.station(), asked.target)
     loop = loop_named(station, asked.arm or asked.loop)
     if loop.controller.name not in ("DPID", "DPIDE"):
         raise ProfileError(f"loop {loop.name} is a {loop.controller.name}, experiments know DPID and DPIDE")
-    return station, loop
+    return station, loop, Recorded(asked.recording, asked.with_frames, profile_text=loaded.text)
 
 
 def envelope(asked: Asked, loop: Loop) -> Envelope:

@@ -55,6 +55,14 @@ def test_an_identification_can_be_repeated_from_its_recording(tmp_path: Path) ->
     assert ["TIC-101", "LIC-201"] == [json.loads(line)["loop"] for line in again.splitlines()]
 
 
+def test_tune_keeps_what_it_does_at_the_loop(tmp_path: Path) -> None:
+    path = tmp_path / "tune.ahrec"
+    words = ["tune", "demo", "--rollback", "--arm", "TIC-101", "--directory", tmp_path / "gate"]
+    assert "there is nothing to put back" in typed(*words, "--record", path)[1]
+    with Recording(path) as recording:
+        assert (["TIC-101"], True) == (recording.names, recording.is_closed)
+
+
 @pytest.mark.parametrize("command", ["tune", "identify"])
 def test_what_is_no_live_run_is_not_recorded(tmp_path: Path, command: str) -> None:
     path = tmp_path / "learn.ahrec"

@@ -10,8 +10,12 @@ from lockstep.gate.gate_world import GateWorld
 
 from ahgateway.apps.record import Tape
 from ahgateway.apps.replay import Comparison, Replay
+from ahgateway.apps.tune import tune
+from ahgateway.apps.tune_experiment import Envelope, Kind, Wanted
+from ahgateway.apps.tune_session import Session
 from ahgateway.apps.witness import Witness
 from ahgateway.codec.access import Request, Table, Write
+from ahgateway.codec.station import PlantSpec
 from ahgateway.errors import AhGatewayError, ReplyTimeoutError, StateError
 from ahgateway.lockstep.gate.gate import Gate
 from ahgateway.lockstep.picture import Sampler
@@ -142,6 +146,28 @@ async def test_pictures_of_gate_and_sampler_are_one_history_that_replays_to_the_
         assert then.result().is_whole
         assert 20 < then.result().same
         assert 0 == again.followers["L1"].counts.diverged
+
+
+async def test_an_experiment_stands_in_the_recording_with_every_picture_and_write(tmp_path: Path) -> None:
+    plant = PlantSpec("fopdt", 1.5, 6.0, 1.0, 20.0, 0.02, 80.0)
+    start = {"SV": 80.0, "CYCLE": 200, "Kc_Kp": 1.0, "Ti_Ki": 0.15, "Td_Kd": 0.0}
+    world = GateWorld(tmp_path / "gates", start, plant=plant, scan_ms=20)
+    world.clock.advance_ns(120_000_000_000)
+    tape = Tape(tmp_path / "tune.ahrec", world.station, world.clock)
+    session = Session(
+        world.station, world.loop, world.link, world.clock, world.folder, Envelope((40.0, 120.0), (10.0, 90.0)),
+        witness=Witness(world.loop, tape),
+    )  # fmt: skip
+    await session.excited(Wanted(Kind.STEP, 2.5, hold_s=8.0), tune)
+    tape.recorder.close()
+    with Recording(tmp_path / "tune.ahrec") as recording:
+        found = [(each["kind"], operand, each["outcome"]) for _, _, operand, each in recording.writes()]
+        rows = list(recording.rows())
+    assert {("write", "PID_MAN", "verified"), ("write", "MOUT", "verified"), ("restore", "PID_MAN", "verified")} <= set(
+        found
+    )
+    assert 80 < len(rows)
+    assert list(range(len(rows))) == [row.tick for row in rows]
 
 
 async def test_without_a_tape_nothing_is_kept_and_nothing_fails(tmp_path: Path) -> None:
