@@ -109,10 +109,11 @@ def cells(row: Row) -> list[str]:
     return [row.name, *numbers, claimed]
 
 
-def as_text(found: Spread) -> str:
-    """Return the spread as a table."""
+def as_text(found: Spread, rules: Sequence[str] = ()) -> str:
+    """Return the spread as a table: the model, and the gains of these rules; the report and the JSON form have all."""
+    shown = [row for row in found.rows if row.claimed is not None or row.name.rpartition(" ")[0] in rules]
     models = ", ".join(f"{name} {times} times" for name, times in found.kinds) or "no model"
-    table = [list(HEADS), *(cells(row) for row in found.rows)]
+    table = [list(HEADS), *(cells(row) for row in shown)]
     widths = [max(len(row[column]) for row in table) for column in range(len(HEADS))]
     lines = [f"{found.count} experiments, {found.refused} refused: {models}"]
     lines += ["  " + "  ".join(f"{cell:<{wide}}" for cell, wide in zip(row, widths, strict=True)).rstrip()

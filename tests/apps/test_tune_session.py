@@ -85,6 +85,7 @@ def test_repeats_are_told_by_mean_deviation_and_their_middle():
     kc = next(row for row in found.rows if row.name == "SIMC PI Kc_Kp")
     assert 1.6 / 1.4 == pytest.approx(max(kc.values) / min(kc.values), rel=0.02)
     assert "3 experiments, 0 refused: FOPDT 3 times" in as_text(found)
+    assert ("SIMC PI Kc_Kp" in as_text(found, ["SIMC PI"]), "SIMC PI Kc_Kp" in as_text(found)) == (True, False)
     assert [1.6, 1.4, 1.5] == pytest.approx(json.loads(json.dumps(as_json(found)))["rows"][0]["values"], rel=0.01)
 
 
