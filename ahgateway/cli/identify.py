@@ -127,6 +127,7 @@ def _object(each: Learned) -> dict[str, Any]:
         "executions": found.executions,
         "informative": found.informative,
         "survivors": len(found.survivors),
+        "cut": found.is_cut,
         "exit": each.exit.name.lower(),
         "decided": each.decided() if found.is_named else {},
         "open": [{"axis": name, "values": values, "try": tip} for name, values, tip in each.open()],
@@ -153,13 +154,23 @@ def _text(each: Learned) -> str:
         return (
             f"{head}: too little to decide, {found.executions} executions were explained\n"
             "  hint: watch longer, in automatic, between the limits, ERR_DBW 0, with Ki and some movement of SV or PV"
+            + _about_filter(each)
         )
     lines = [f"{head}: {found.executions} executions explained by bits, {found.informative} of them informative"]
     lines += [f"  {name} = {value}" for name, value in each.decided().items()]
+    if found.is_cut:
+        lines.append(f"  the search ran out of trials behind {found.executions} executions{_about_filter(each)}")
     if each.open():
         lines.append("  open:")
         lines += [f"    {name}: {' or '.join(values)}; {tip}" for name, values, tip in each.open()]
     return "\n".join(lines)
+
+
+def _about_filter(each: Learned) -> str:
+    """What costs most trials on a DPIDE: the content of D's filter, which no word shows."""
+    if each.loop.controller.name != "DPIDE":
+        return ""
+    return "; on a DPIDE, Td_Kd = 0 or Tf = 0 for the recording leaves nothing hidden and decides the other axes first"
 
 
 def _unexplained(each: Learned) -> list[str]:
