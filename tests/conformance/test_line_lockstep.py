@@ -102,5 +102,6 @@ async def test_the_demo_is_followed_over_a_serial_line(
         executed = plc.executed(name) - before[name]
         assert executed >= 38
         assert 0 == counts.diverged
-        assert counts.proven >= 0.9 * executed, (name, counts)
+        # All but the first few, until the derivative's filter is known, and one at either end.
+        assert counts.proven >= executed - 7, (name, counts)
     assert 0 == link.figures.timeouts
