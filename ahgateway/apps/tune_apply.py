@@ -29,7 +29,7 @@ from ahgateway.tuning.blocks import BLOCKS, Params
 from ahgateway.tuning.propose import GAIN_NAMES, Proposal
 from ahgateway.tuning.record import Array
 from ahgateway.tuning.runner import delta
-from ahgateway.tuning.verify import FIT_MIN, Predictor, fit_percent, tube
+from ahgateway.tuning.verify import FIT_MIN, LATE_SAMPLES, Predictor, fit_late, tube
 
 Json = dict[str, Any]
 
@@ -198,7 +198,7 @@ class Trial(Experiment):
             await self._write({"SV": sv})
             await self._held(hold_s)
             table = np.array(self.rows[self._first :])
-            fit = fit_percent(table[:, 2], np.array([row[0] for row in self._beside]))
+            fit = fit_late(table[:, 2], np.array([row[0] for row in self._beside]))
             if fit < FIT_MIN:
                 self._leave(f"the fit of predicted and measured PV is {fit:.0f} %, at least {FIT_MIN:g} % is asked for")
 
@@ -214,8 +214,8 @@ class Trial(Experiment):
             self._beside.append(self._predictor.until(t - self._from_s, sv))
         super()._judge()
         if self._predictor is not None:
-            away = self.rows[-1][2] - self._beside[-1][0]
-            if abs(away) > self._tube:
+            pv, late = self.rows[-1][2], [row[0] for row in self._beside[-1 - LATE_SAMPLES :]]
+            if max(min(late) - pv, pv - max(late)) > self._tube:
                 self._leave(
                     f"PV is {self.rows[-1][2]:.5g}, predicted was {self._beside[-1][0]:.5g}, "
                     f"at most {self._tube:.3g} between them is allowed"
@@ -268,7 +268,7 @@ class Trial(Experiment):
         count = len(self._beside)
         table = np.array(self.rows[len(self.rows) - count :], dtype=np.float64).reshape(-1, 4)
         beside = np.array(self._beside, dtype=np.float64).reshape(-1, 2)
-        fit = fit_percent(table[:, 2], beside[:, 0]) if count > 1 else math.nan
+        fit = fit_late(table[:, 2], beside[:, 0]) if count > 1 else math.nan
         return Verification(
             rule, lines, size, table[:, 0] - self._from_s, table[:, 1], table[:, 2], table[:, 3],
             beside[:, 0], beside[:, 1], self._tube, fit, reason,

@@ -17,6 +17,8 @@ TUBE = 0.5
 """Largest |measured − predicted| PV, as a share of the step of SV."""
 TUBE_NOISE = 8.0
 """The same in standard deviations of the noise; the larger counts."""
+LATE_SAMPLES = 3
+"""Samples by which PV may follow its prediction late: nobody sees in which part of a CYCLE a write lands."""
 FIT_MIN = 50.0
 """Smallest fit in % of a verification that is passed; a right model with SV ten times the noise has about 75."""
 
@@ -27,6 +29,12 @@ def fit_percent(measured: Array, predicted: Array) -> float:
     if spread == 0.0:
         return 100.0 if np.array_equal(measured, predicted) else 0.0
     return 100.0 * (1.0 - float(np.linalg.norm(measured - predicted)) / spread)
+
+
+def fit_late(measured: Array, predicted: Array) -> float:
+    """Return the best fit with PV up to `LATE_SAMPLES` behind its prediction; both arrays of one length."""
+    most = min(LATE_SAMPLES, measured.size - 2)
+    return max(fit_percent(measured[late:], predicted[: predicted.size - late]) for late in range(max(most, 0) + 1))
 
 
 def tube(step: float, sigma: float, resolution: float) -> float:

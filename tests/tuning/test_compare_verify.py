@@ -11,7 +11,7 @@ from ahgateway.tuning.compare import compare
 from ahgateway.tuning.models import Kind, Model
 from ahgateway.tuning.record import Record
 from ahgateway.tuning.runner import delta
-from ahgateway.tuning.verify import Predictor, fit_percent, tube
+from ahgateway.tuning.verify import Predictor, fit_late, fit_percent, tube
 
 MODEL = Model(Kind.FOPDT, 1.5, 4.0, 20.0)
 GAINS = {"CYCLE": 500, "PID_EQ": True, "Kc_Kp": 1.0, "Ti_Ki": 25.0, "Td_Kd": 0.0}
@@ -70,6 +70,13 @@ def test_the_fit_is_100_for_equal_0_for_the_mean_and_worse_below():
     assert 0.0 == fit_percent(y, np.ones(4))
     assert 50.0 == fit_percent(y, np.array([0.5, 0.5, 1.5, 1.5]))
     assert -100.0 == fit_percent(y, 2.0 - y)
+
+
+def test_a_course_that_comes_up_to_three_samples_late_fits_and_one_that_comes_early_does_not():
+    y = np.array([0.0, 0.0, 0.0, 0.0, 1.0, 2.0, 3.0, 3.0, 3.0, 3.0])
+    assert 100.0 == fit_late(y, np.roll(y, -3))
+    assert fit_late(y, np.roll(y, -5)) < 60.0
+    assert fit_late(y, np.concatenate([[0.0, 0.0], y[:-2]])) < 60.0
 
 
 def test_the_tube_is_half_the_step_or_what_noise_and_resolution_ask_for():
