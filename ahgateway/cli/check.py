@@ -11,6 +11,7 @@ import typer
 from ahgateway.cli.view import Output, print_json
 
 if TYPE_CHECKING:
+    from ahgateway.apps.check.history import Past
     from ahgateway.apps.check.result import Result
     from ahgateway.apps.check.run import Bench
     from ahgateway.apps.check.suite import Floor
@@ -47,6 +48,7 @@ def check(
     against: Annotated[
         Path | None, typer.Option(help="Compare with this fingerprint; a difference is a failure.")
     ] = None,
+    history: Annotated[Path | None, typer.Option(help="Keep the results here, and say since when one fails.")] = None,
     output: Annotated[Output, typer.Option(help="text for people, json for one object per line.")] = Output.TEXT,
 ) -> None:
     """Run scenarios on a bench, in virtual time, and say whether each passes.
@@ -73,7 +75,7 @@ def check(
     part = _shard(scenarios, shard)
     bench = _bench(profile, target, loop, over)
     entries = () if known is None else known_differences(known)
-    files = _Files(junit, html, fingerprint, against, is_part=bool(expression or shard))
+    files = _Files(junit, html, fingerprint, against, history, is_part=bool(expression or shard))
     raise typer.Exit(asyncio.run(_check(part, bench, seed, repeat, entries, files, output)))
 
 
@@ -81,12 +83,19 @@ class _Files:
     """What is written behind a run, and read for it."""
 
     def __init__(
-        self, junit: Path | None, html: Path | None, fingerprint: Path | None, against: Path | None, *, is_part: bool
+        self,
+        junit: Path | None,
+        html: Path | None,
+        fingerprint: Path | None,
+        against: Path | None,
+        history: Path | None,
+        *,
+        is_part: bool,
     ) -> None:
         from ahgateway.apps.check.fingerprint import read
 
         self.junit, self.html, self.fingerprint = junit, html, fingerprint
-        self.against, self.is_part = against, is_part
+        self.against, self.history, self.is_part = against, history, is_part
         self.before = None if against is None else read(against)
 
 
@@ -139,6 +148,7 @@ def _closed(
 ) -> int:
     """Write the files, say what came out, return the exit code."""
     from ahgateway.apps.check import fingerprint as prints
+    from ahgateway.apps.check.history import sentence
     from ahgateway.apps.check.junit import junit
     from ahgateway.apps.check.page import page
     from ahgateway.apps.check.result import run_exit
@@ -162,16 +172,34 @@ def _closed(
             against=str(files.against or ""), differences=differences,
         )  # fmt: skip
         _write(files.html, text)
+    past = [] if files.history is None else _past(files.history, found, target, seed, utc_ns)
     if output is Output.JSON:
         told = [{"scenario": each.scenario, "text": each.text, "change": each.change} for each in differences]
-        print_json({"kind": "run", "claim": claim, "exit": code, "seed": seed, "differences": told})
+        print_json({"kind": "run", "claim": claim, "exit": code, "seed": seed, "differences": told} | _past_json(past))
         return code
     for each in differences:
         typer.echo(f"{each.scenario:28} {each.text}")
     if files.before is not None and not differences:
         typer.echo(f"the same words as in {files.against}")
+    for one in past:
+        if line := sentence(one):
+            typer.echo(f"{one.name:28} {line}")
     typer.echo(claim)
     return code
+
+
+def _past(path: Path, found: list[Result], target: str, seed: int, utc_ns: int) -> list[Past]:
+    from ahgateway import __version__
+    from ahgateway.apps.check.history import kept
+
+    return kept(path, found, target, seed, __version__, utc_ns)
+
+
+def _past_json(past: list[Past]) -> dict[str, Any]:
+    told = [
+        {"name": each.name, "runs": each.runs, "failed_since": each.failed_since, "flips": each.flips} for each in past
+    ]
+    return {"history": told} if told else {}
 
 
 def _condemned(floor: Floor) -> Result:

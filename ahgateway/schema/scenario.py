@@ -208,7 +208,17 @@ def collected(paths: list[str]) -> list[Scenario]:
             raise _missing(
                 f"`{text}` is no file, no folder and no shipped set; shipped are {', '.join(names)}", near(text, names)
             )
-    return found
+    return _distinct(found)
+
+
+def _distinct(found: list[Scenario]) -> list[Scenario]:
+    """Each file once; two files that results could not tell apart are refused."""
+    named: dict[str, Scenario] = {}
+    for each in found:
+        other = named.setdefault(each.name, each)
+        if Path(other.file).resolve() != Path(each.file).resolve():
+            raise _missing(f"{other.file} and {each.file} are both named `{each.name}`", "rename one file or folder")
+    return list(named.values())
 
 
 def shipped_folders() -> tuple[str, ...]:

@@ -138,6 +138,15 @@ def test_a_path_that_leads_nowhere_names_what_is_shipped(tmp_path: Path) -> None
         collected([str(tmp_path)])
 
 
+def test_a_file_named_twice_runs_once_and_two_of_one_name_are_refused(tmp_path: Path) -> None:
+    assert 15 == len(collected(["dpid", "dpid"]))
+    for folder in ("a", "b"):
+        (tmp_path / folder / "mine").mkdir(parents=True)
+        (tmp_path / folder / "mine" / "step.toml").write_text(STEP)
+    with pytest.raises(ProfileError, match="are both named `mine/step`"):
+        collected([str(tmp_path)])
+
+
 def test_a_known_difference_has_reason_owner_and_expiry(tmp_path: Path) -> None:
     file = tmp_path / "known.toml"
     file.write_text('[[known]]\nscenario = "dpid/*"\nreason = "firmware 2.1"\nexpires = 2026-12-31\n')
