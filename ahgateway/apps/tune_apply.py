@@ -308,7 +308,7 @@ def as_text(found: Verification) -> str:
     return "\n".join(
         [
             f"verified {found.rule} with SV {found.step:+.4g} and back: fit {found.fit_percent:.0f} % "
-            f"(predicted and measured PV at most {largest(found):.3g} apart, allowed {found.tube:.3g})",
+            f"(PV at most {largest(found):.3g} from its prediction of the same moment)",
             f"  the gains are {ended}",
         ]
     )
