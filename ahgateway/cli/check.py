@@ -113,14 +113,18 @@ async def _check(
     from ahgateway.apps.check.suite import floor_of, results, unused
     from ahgateway.cli.interrupt import stop_event
     from ahgateway.clock import SECOND, WallClock
+    from ahgateway.schema.scenario import baselines
 
     wall = WallClock()
     utc_ns = wall.utc_ns()
     if not scenarios:
         typer.echo("nothing was checked: this shard is empty", err=True)
         return 3
-    floor = await floor_of(scenarios[0], bench, seed, wall)
-    _say_floor(floor, output)
+    for baseline in baselines(scenarios):
+        floor = await floor_of(baseline, bench, seed, wall)
+        _say_floor(f"bench {baseline.controller.name}", floor, output)
+        if not floor.is_sound:
+            break
     found: list[Result] = []
     with stop_event() as stop:
         if floor.is_sound:
@@ -219,11 +223,11 @@ def _claim(found: list[Result], floor: Floor, *, is_whole: bool) -> str:
     return f"{stopped}{len(found)} scenarios: {counted or 'nothing was checked'}; {took}"
 
 
-def _say_floor(floor: Floor, output: Output) -> None:
+def _say_floor(name: str, floor: Floor, output: Output) -> None:
     if output is Output.JSON:
-        print_json({"kind": "bench", "sound": floor.is_sound, "text": floor.text, "noise": floor.noise})
+        print_json({"kind": "bench", "name": name, "sound": floor.is_sound, "text": floor.text, "noise": floor.noise})
     else:
-        typer.echo(f"{'bench':28} {'sound' if floor.is_sound else 'BROKEN':12} {floor.text}")
+        typer.echo(f"{name:28} {'sound' if floor.is_sound else 'BROKEN':12} {floor.text}")
 
 
 def _say(result: Result, output: Output) -> None:

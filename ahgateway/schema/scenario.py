@@ -6,7 +6,7 @@ This module decides what a scenario file may say. What happens while one runs st
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date
 from pathlib import Path
@@ -219,6 +219,12 @@ def _distinct(found: list[Scenario]) -> list[Scenario]:
         if Path(other.file).resolve() != Path(each.file).resolve():
             raise _missing(f"{other.file} and {each.file} are both named `{each.name}`", "rename one file or folder")
     return list(named.values())
+
+
+def baselines(scenarios: Sequence[Scenario]) -> list[Scenario]:
+    """Return the short shipped scenario of each instruction among these, with which a bench is tried first."""
+    names = dict.fromkeys(each.controller.name.lower() for each in scenarios)
+    return [load(library() / name / "fresh-pv.toml") for name in names]
 
 
 def shipped_folders() -> tuple[str, ...]:
