@@ -159,7 +159,7 @@ def _text(each: Learned) -> str:
     lines = [f"{head}: {found.executions} executions explained by bits, {found.informative} of them informative"]
     lines += [f"  {name} = {value}" for name, value in each.decided().items()]
     if found.is_cut:
-        lines.append(f"  the search ran out of trials behind {found.executions} executions{_about_filter(each)}")
+        lines.append(f"  the search ran out of steps behind {found.executions} executions{_about_filter(each)}")
     if each.open():
         lines.append("  open:")
         lines += [f"    {name}: {' or '.join(values)}; {tip}" for name, values, tip in each.open()]
@@ -167,7 +167,7 @@ def _text(each: Learned) -> str:
 
 
 def _about_filter(each: Learned) -> str:
-    """What costs most trials on a DPIDE: the content of D's filter, which no word shows."""
+    """What costs most steps on a DPIDE: the content of D's filter, which no word shows."""
     if each.loop.controller.name != "DPIDE":
         return ""
     return "; on a DPIDE, Td_Kd = 0 or Tf = 0 for the recording leaves nothing hidden and decides the other axes first"

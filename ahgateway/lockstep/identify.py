@@ -36,11 +36,12 @@ from ahgateway.lockstep.thinning import is_dependent, thinned
 CANDIDATES_MAX = 3000
 """More candidates than this after one execution: the trace is not fit to decide, and says so."""
 
-TRIALS_MAX = 40_000
-"""Trials that split axes, in one search: about 20 s of one core at worst. What is left then is named as it stands."""
+STEPS_MAX = 200_000
+"""Executions of the law in one search, beside `STEPS_FREE` for each of the trace's: about 20 s of one core at worst."""
 
-TRIALS_EACH_MAX = 5_000
-"""An execution that takes more of them is passed over, and the search begins again behind it: later ones cost less."""
+STEPS_FREE = 100
+STEPS_EACH_MAX = 50_000
+"""An execution that takes more is passed over, and the search begins again behind it: later ones cost less."""
 
 Fixed = Mapping[str, int]
 T = TypeVar("T")
@@ -90,7 +91,7 @@ class Identification:
         unexplained: The execution at which the last candidate fell, None when some survive.
         is_crowded: More combinations fit than can be followed: the trace has too few plain executions, automatic,
             between the limits, without dead band.
-        is_cut: The search ran out of trials; what came after `executions` was not looked at.
+        is_cut: The search ran out of steps; what came after `executions` was not looked at.
     """
 
     values: Mapping[str, tuple[int, ...]]
@@ -149,32 +150,40 @@ class _Candidate:
 
 
 class _SpentError(Exception):
-    """One execution, or the search, has used up its trials."""
+    """One execution, or the search, has used up its steps."""
 
 
 @dataclass(slots=True)
 class _Budget:
-    trials: int = TRIALS_MAX
-    each: int = TRIALS_EACH_MAX
+    """Counts what the search costs: executions of the law."""
 
-    def spend(self, trials: int) -> None:
-        self.trials -= trials
-        self.each -= trials
-        if self.trials < 0 or self.each < 0:
-            raise _SpentError
+    total: int
+    each: int = STEPS_EACH_MAX
+
+    def counted(self, loop: Loop) -> Loop:
+        """Return the loop with a law that is counted."""
+        law = loop.controller.step
+
+        def step(inputs: Any, state: Any, dialect: Any, ts: REAL) -> tuple[Any, Any]:
+            self.total -= 1
+            self.each -= 1
+            if self.total < 0 or self.each < 0:
+                raise _SpentError
+            return law(inputs, state, dialect, ts)
+
+        return replace(loop, controller=replace(loop.controller, step=step))
 
 
-def branched(fixed: dict[str, int], run: Callable[[Any], T | None], budget: _Budget) -> list[tuple[dict[str, int], T]]:
+def branched(fixed: dict[str, int], run: Callable[[Any], T | None]) -> list[tuple[dict[str, int], T]]:
     """Run with every combination of the open axes that the run asks for; runs that return None are dropped."""
     probe = Asked(fixed)
     result = run(probe)
     if not probe.asked:
         return [] if result is None else [(fixed, result)]
     axis = probe.asked[0]
-    budget.spend(len(AXES[axis]))
     found = []
     for value in AXES[axis]:
-        found.extend(branched({**fixed, axis: int(value)}, run, budget))
+        found.extend(branched({**fixed, axis: int(value)}, run))
     return found
 
 
@@ -196,20 +205,21 @@ def joined(candidates: list[_Candidate], known: Fixed) -> list[_Candidate]:
     return candidates
 
 
-def identify(loop: Loop, observations: Sequence[Observation], *, trials_max: int = TRIALS_MAX) -> Identification:
+def identify(loop: Loop, observations: Sequence[Observation], *, steps_max: int = STEPS_MAX) -> Identification:
     """Eliminate the dialects that a trace contradicts.
 
     Args:
         loop: The loop; its own dialect does not count.
         observations: Executions in order, each between two pictures and alone there.
-        trials_max: How much work the search may be.
+        steps_max: How often the search may execute the law, beside `STEPS_FREE` for each execution.
     """
     pairs = [(each.before, each.after) for each in observations]
     starts, has_kc = thinned(loop, pairs), is_dependent(pairs)
     candidates = [_Candidate(dict(fixed), ()) for fixed in starts]
     if not any(starts):
         return replace(_result(candidates, 0, 0, has_kc), is_crowded=True)
-    executions, informative, budget = 0, 0, _Budget(trials_max)
+    executions, informative, budget = 0, 0, _Budget(steps_max + STEPS_FREE * len(pairs))
+    counted = budget.counted(loop)
     first = first_anchor(replace(loop, dialect=_dialect(starts[0])), pairs, [each.is_next for each in observations])
     for number, each in enumerate(observations):
         if number < first:
@@ -221,11 +231,11 @@ def identify(loop: Loop, observations: Sequence[Observation], *, trials_max: int
         if is_tuning:
             continue
         may_begin = is_anchor(loop, pairs, number, is_next=each.is_next)
-        budget.each = TRIALS_EACH_MAX
+        budget.each = STEPS_EACH_MAX
         try:
-            left = [after for one in candidates for after in _advanced(loop, one, each, may_begin, budget)]
+            left = [after for one in candidates for after in _advanced(counted, one, each, may_begin)]
         except _SpentError:
-            if budget.trials < 0:
+            if budget.total < 0:
                 return replace(_result(candidates, executions, informative, has_kc), is_cut=True)
             for candidate in candidates:
                 candidate.shadow = ()
@@ -245,12 +255,10 @@ def identify(loop: Loop, observations: Sequence[Observation], *, trials_max: int
     return _result(candidates, executions, informative, has_kc)
 
 
-def _advanced(
-    loop: Loop, candidate: _Candidate, each: Observation, may_begin: bool, budget: _Budget
-) -> list[_Candidate]:
+def _advanced(loop: Loop, candidate: _Candidate, each: Observation, may_begin: bool) -> list[_Candidate]:
     """What a candidate becomes behind one execution: nothing when it does not explain it."""
     if not candidate.shadow:
-        return _seeded(loop, candidate, each, budget) if may_begin else [candidate]
+        return _seeded(loop, candidate, each) if may_begin else [candidate]
     variants = _variants(loop, each)
     names = judged_names(loop)
 
@@ -262,7 +270,7 @@ def _advanced(
             return () if is_lost(behind) else behind
         return without_pv(asking, candidate.shadow, variants, each.after.seen) or None
 
-    grown = [_Candidate(fixed, shadow) for fixed, shadow in branched(candidate.fixed, run, budget)]
+    grown = [_Candidate(fixed, shadow) for fixed, shadow in branched(candidate.fixed, run)]
     return joined(grown, candidate.fixed) if len(grown) > 1 else grown
 
 
@@ -279,13 +287,13 @@ def _variants(loop: Loop, each: Observation) -> list[Any]:
     ]
 
 
-def _seeded(loop: Loop, candidate: _Candidate, each: Observation, budget: _Budget) -> list[_Candidate]:
+def _seeded(loop: Loop, candidate: _Candidate, each: Observation) -> list[_Candidate]:
     """Begin behind an execution: every hidden state that it can have left."""
 
     def run(dialect: Any) -> Shadow:
         return anchored(replace(loop, dialect=dialect), each.before, each.after)
 
-    grown = [_Candidate(fixed, shadow) for fixed, shadow in branched(candidate.fixed, run, budget)]
+    grown = [_Candidate(fixed, shadow) for fixed, shadow in branched(candidate.fixed, run)]
     return joined(grown, candidate.fixed) if len(grown) > 1 else grown
 
 

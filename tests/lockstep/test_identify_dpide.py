@@ -107,9 +107,9 @@ def test_manual_that_records_no_pv_excludes_nothing() -> None:
     assert set() == lost(found, dialect)
 
 
-def test_a_search_that_runs_out_of_trials_names_what_is_left() -> None:
+def test_a_search_that_runs_out_of_steps_names_what_is_left() -> None:
     dialect = random_dialect(4, share=0.35, without=("ts_source", "filter_content"))
-    found = identify(loop_of("DPIDE"), trace("DPIDE", dialect, 4, 60), trials_max=200)
+    found = identify(loop_of("DPIDE"), trace("DPIDE", dialect, 4, 60), steps_max=0)
 
     assert found.is_cut
     assert set() == lost(found, dialect)
