@@ -53,7 +53,9 @@ def make_plant(loop: Loop, spec: PlantSpec) -> Plant[Any]:
             return Integrating(spec.gain, spec.dead_time_s, spec.bias, spec.initial, *bounds)
     except ValueError as error:
         raise ProfileError(str(error), key=key) from error
-    raise ProfileError(f"unknown kind `{spec.kind}`, known are `fopdt`, `sopdt`, `integrating` and `heat_cool`", key=key)
+    raise ProfileError(
+        f"unknown kind `{spec.kind}`, known are `fopdt`, `sopdt`, `integrating` and `heat_cool`", key=key
+    )
 
 
 def make_valve(loop: Loop, spec: PlantSpec) -> MotorValve:
