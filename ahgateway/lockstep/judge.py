@@ -23,6 +23,7 @@ from ahgateway.lockstep.shadow import (
     Shadow,
     explain,
     input_variants,
+    is_roughly_bounded,
     is_settled,
     judged_names,
     merged,
@@ -115,6 +116,8 @@ def judge(
     if unrecorded:
         return Execution(Verdict.UNOBSERVABLE, reason=UNRECORDED_PV, inputs=after.inputs), unrecorded
     assert found.nearest is not None
+    if is_roughly_bounded(loop, found.nearest, after.seen):
+        return Execution(Verdict.UNOBSERVABLE, reason=OPEN_STATE, inputs=after.inputs), fresh
     proof = _proof(loop, found.nearest, names, after.seen)
     if proof is not None:
         reason = f"agrees by {proof.value} only; the tolerance of the profile allows it"

@@ -23,7 +23,7 @@ import numpy as np
 from ahgateway.codec.station import Const, Loop
 from ahgateway.core import flags as flag
 from ahgateway.core.controllers.dpide import D_BOUND
-from ahgateway.core.dialect import CrossBand, Filter, ManualFilter
+from ahgateway.core.dialect import CrossBand, Filter, Freeze, ManualFilter
 from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits
 from ahgateway.lockstep.interval import intervals
 from ahgateway.lockstep.picture import Picture, predicted
@@ -33,6 +33,9 @@ BOUNDS_MAX = 48
 
 MARGIN_ULP = 16
 """How far rounding can carry a filter that is not quite monotone."""
+
+ROUGH_ULP = 1024
+"""So many ULP of MV a bound of such a filter can miss while it is open: its own errors grow from step to step."""
 
 SETTLED_ULP = 1 << 16
 """A bound this narrow is as good as one state when it comes to causes; a fresh one spans all REALs."""
@@ -106,7 +109,13 @@ def recalled(loop: Loop, inputs: Iterable[Any], seen: Mapping[str, REAL]) -> Sha
     known = {word.attr: seen[word.name] for word in controller.seen if hasattr(controller.state(), word.attr)}
     # Delta's laws alone have a dialect in which less can be recalled.
     dialect = () if controller.law_ts is None else (loop.dialect,)
-    found = [Bound(*pair) for read in inputs for pair in controller.recall(read, controller.state(**known), *dialect)]
+    found: list[Bound] = []
+    for read in inputs:
+        pairs = controller.recall(read, controller.state(**known), *dialect)
+        if not pairs:
+            # If the execution read this, its history is older than what was seen: nothing is known.
+            return ()
+        found.extend(Bound(*pair) for pair in pairs)
     return merged(found)
 
 
@@ -406,6 +415,23 @@ def restarted(shadow: Shadow) -> Shadow:
         if hasattr(bound.low, "valid")
     ]
     return merged([*shadow, *fresh])
+
+
+def is_roughly_bounded(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
+    """Tell whether a miss says nothing, because the ends of an open bound need not enclose the truth.
+
+    So it is where a limit sets the integral from D, which bisection does not follow, and in a filter that rounding
+    makes not quite monotone, when I_MV and MV are missed by little.
+    """
+    if fit.before.is_point or loop.controller.law_ts is None:
+        return False
+    is_at_limit = bool(fit.terms.flags & (flag.FREEZE_HI | flag.FREEZE_LO))
+    if is_at_limit and loop.dialect.freeze == Freeze.BACK_CALCULATED and not is_settled(fit.before):
+        return True
+    if loop.dialect.filter not in (Filter.FORWARD, Filter.ALPHA):
+        return False
+    ref = predicted(loop.controller, fit.after.low, fit.terms)
+    return all(abs(order(ref[name]) - order(seen[name])) <= ROUGH_ULP for name in ("I_MV", "MV"))
 
 
 def patched(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> Shadow:
