@@ -24,7 +24,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
         return
     for item in items:
         if item.get_closest_marker("hil"):
-            item.add_marker(pytest.mark.skip(reason=f"hil: no {TARGET}"))
+            reason = f"hil: needs a real AH500; set {TARGET}=modbus+tcp://HOST:502?unit=1 in the environment"
+            item.add_marker(pytest.mark.skip(reason=reason))
 
 
 @pytest.fixture

@@ -36,7 +36,9 @@ class Cable:
         socat = shutil.which("socat")
         assert socat is not None
         self._socat = subprocess.Popen([socat, *(f"pty,raw,echo=0,link={end}" for end in self.ends)])
+        deadline_s = time.monotonic() + 10.0
         while not all(end.exists() for end in self.ends):
+            assert time.monotonic() < deadline_s, "socat made no pseudo-terminals within 10 s"
             time.sleep(0.005)
 
     def cut(self) -> None:
