@@ -75,7 +75,34 @@ class DirectLink:
         self.is_down = True
 
 
-class World:
+class Watched:
+    """A loop that is polled in virtual time and followed, whatever PLC and link stand behind it."""
+
+    clock: VirtualClock
+    sampler: Sampler
+    follower: Follower
+    poll_ns: int
+    events: list[tuple[Picture, Event]]
+
+    async def poll(self) -> list[Event]:
+        """Wait for one polling interval, take a picture, return what the follower makes of it."""
+        self.clock.advance_ns(self.poll_ns)
+        picture = await self.sampler.picture()
+        if picture is None:
+            return []
+        found = self.follower.see(picture)
+        self.events.extend((picture, event) for event in found)
+        return found
+
+    async def follow(self, polls: int) -> list[Execution]:
+        """Poll so often and return the executions seen."""
+        found: list[Execution] = []
+        for _ in range(polls):
+            found.extend(event for event in await self.poll() if isinstance(event, Execution))
+        return found
+
+
+class World(Watched):
     """One loop on a fake PLC, followed picture by picture."""
 
     def __init__(
@@ -122,21 +149,4 @@ class World:
         self.sampler = Sampler(loop, self.station, self.link, self.clock)
         self.follower = Follower(loop)
         self.poll_ns = poll_ms * MILLISECOND
-        self.events: list[tuple[Picture, Event]] = []
-
-    async def poll(self) -> list[Event]:
-        """Wait for one polling interval, take a picture, return what the follower makes of it."""
-        self.clock.advance_ns(self.poll_ns)
-        picture = await self.sampler.picture()
-        if picture is None:
-            return []
-        found = self.follower.see(picture)
-        self.events.extend((picture, event) for event in found)
-        return found
-
-    async def follow(self, polls: int) -> list[Execution]:
-        """Poll so often and return the executions seen."""
-        found: list[Execution] = []
-        for _ in range(polls):
-            found.extend(event for event in await self.poll() if isinstance(event, Execution))
-        return found
+        self.events = []

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from lockstep.bench_world import Watched
+
 from ahgateway.clock import MILLISECOND, VirtualClock
 from ahgateway.codec.access import Table
 from ahgateway.codec.devices import DeviceMap, DeviceRange, parse_device
@@ -12,9 +14,8 @@ from ahgateway.codec.station import Binding, Const, FakeLoop, Loop, PlantSpec, S
 from ahgateway.core.controllers import CONTROLLERS, Controller
 from ahgateway.core.operands import Kind
 from ahgateway.fake.plc import FakePlc
-from ahgateway.lockstep.follow import Event, Follower
-from ahgateway.lockstep.judge import Execution
-from ahgateway.lockstep.picture import Picture, Sampler
+from ahgateway.lockstep.follow import Follower
+from ahgateway.lockstep.picture import Sampler
 from ahgateway.transports.base import Link
 from ahgateway.transports.memory import MemoryLink
 
@@ -63,7 +64,7 @@ def bindings(controller: Controller, consts: Mapping[str, Any]) -> dict[str, Bin
     return found
 
 
-class OtherWorld:
+class OtherWorld(Watched):
     """One block on a fake PLC, followed picture by picture."""
 
     def __init__(
@@ -99,21 +100,4 @@ class OtherWorld:
         self.sampler = Sampler(self.loop, self.station, self.link, self.clock)
         self.follower = Follower(self.loop)
         self.poll_ns = poll_ms * MILLISECOND
-        self.events: list[tuple[Picture, Event]] = []
-
-    async def poll(self) -> list[Event]:
-        """Wait for one polling interval, take a picture, return what the follower makes of it."""
-        self.clock.advance_ns(self.poll_ns)
-        picture = await self.sampler.picture()
-        if picture is None:
-            return []
-        found = self.follower.see(picture)
-        self.events.extend((picture, event) for event in found)
-        return found
-
-    async def follow(self, polls: int) -> list[Execution]:
-        """Poll so often and return the executions seen."""
-        found: list[Execution] = []
-        for _ in range(polls):
-            found.extend(event for event in await self.poll() if isinstance(event, Execution))
-        return found
+        self.events = []
