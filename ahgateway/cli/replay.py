@@ -153,8 +153,8 @@ class _Listing:
         if self._output is Output.JSON:
             _print_json(report, lines)
             return
+        from ahgateway.apps.lines import event_line
         from ahgateway.tui.execution import execution_lines
-        from ahgateway.tui.lines import event_line
 
         if isinstance(event, Execution):
             for line in execution_lines(report, event, lines):
@@ -181,7 +181,7 @@ class _Listing:
                     }
                 )  # fmt: skip
             return
-        from ahgateway.tui.lines import summary_lines
+        from ahgateway.apps.lines import summary_lines
 
         for line in summary_lines(monitor, coverage_min)[:-1]:
             typer.echo(line)

@@ -81,7 +81,7 @@ class View:
             for watch in self._monitor.watches:
                 print_json(summary_json(self._monitor, watch.follower, self._clock.utc_ns(), self._coverage_min))
             return
-        from ahgateway.tui.lines import summary_lines
+        from ahgateway.apps.lines import summary_lines
 
         for line in summary_lines(self._monitor, self._coverage_min):
             typer.echo(line)
@@ -109,9 +109,9 @@ class View:
             typer.echo(line, err=True)
 
     def _plain(self, report: Report) -> None:
+        from ahgateway.apps.lines import event_line, status_line
         from ahgateway.apps.monitor import Sample
         from ahgateway.clock import SECOND
-        from ahgateway.tui.lines import event_line, status_line
 
         line = event_line(report)
         if line is not None:

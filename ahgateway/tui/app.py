@@ -18,11 +18,11 @@ from textual.screen import Screen
 from textual.widgets import Footer, Input, TabbedContent, TabPane
 
 from ahgateway.apps.board import Board, Note
+from ahgateway.apps.lines import clock_time
 from ahgateway.clock import SECOND
 from ahgateway.errors import StateError
 from ahgateway.tui.event_log import EventLog
 from ahgateway.tui.health_panel import health_lines
-from ahgateway.tui.lines import clock_time
 from ahgateway.tui.lines_panel import Line, LinesPanel, plain
 from ahgateway.tui.link_page import link_lines
 from ahgateway.tui.loops_table import STYLE, LoopsTable

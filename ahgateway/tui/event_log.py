@@ -7,8 +7,8 @@ from textual.containers import Vertical
 from textual.widgets import Input, RichLog
 
 from ahgateway.apps.board import Board, Note
+from ahgateway.apps.lines import clock_time, event_line
 from ahgateway.apps.monitor import Report
-from ahgateway.tui.lines import clock_time, event_line
 
 
 class EventLog(Vertical):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+from ahgateway.apps.lines import blame_text, clock_time, shown
 from ahgateway.apps.monitor import Report
 from ahgateway.apps.replay import TermLine
 from ahgateway.apps.report import hexadecimal
 from ahgateway.core import flags
 from ahgateway.core.real import same_bits, ulp_distance
 from ahgateway.lockstep.judge import Execution
-from ahgateway.tui.lines import blame_text, clock_time, shown
 
 VALUE_WIDTH = 28
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ahgateway.apps.board import Board
+from ahgateway.apps.lines import clock_time
 from ahgateway.clock import MILLISECOND
 from ahgateway.transports.base import Frame, LinkFigures
-from ahgateway.tui.lines import clock_time
 
 EDGES_MS = (0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 FRAMES_SHOWN = 12

@@ -10,11 +10,11 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from ahgateway.apps.lines import event_line, link_line, shown
 from ahgateway.apps.monitor import Monitor, Report
 from ahgateway.clock import SECOND, Clock
 from ahgateway.core.verdict import Verdict
 from ahgateway.lockstep.follow import Follower, output_of, process_value_of, target_of, verdict_now
-from ahgateway.tui.lines import event_line, link_line, shown
 
 REDRAWS_PER_SECOND = 8
 EVENTS_SHOWN = 8

@@ -12,10 +12,10 @@ from textual.message import Message
 
 from ahgateway.apps.board import Board
 from ahgateway.apps.health import label
+from ahgateway.apps.lines import shown
 from ahgateway.apps.monitor import Watch
 from ahgateway.clock import SECOND
 from ahgateway.lockstep.follow import is_automatic, output_of, process_value_of, target_of
-from ahgateway.tui.lines import shown
 from ahgateway.tui.lines_panel import Line, LinesPanel, columns
 
 COLUMNS = ("loop", "verdict", "proven", "of", "diverged", "SV", "PV", "MV", "mode", "age", "health", "findings")

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from ahgateway.apps.board import Board
+from ahgateway.apps.lines import clock_time, shown
 from ahgateway.apps.monitor import Watch
 from ahgateway.codec.station import Const, Loop
 from ahgateway.core.operands import Kind, Operand
-from ahgateway.tui.lines import clock_time, shown
 from ahgateway.tui.lines_panel import Line, columns
 
 HEADS = (" ", "operand", "device", "value", "unit", "changed")

@@ -6,12 +6,12 @@ from textwrap import wrap
 from typing import Any
 
 from ahgateway.apps.board import Board
+from ahgateway.apps.lines import shown
 from ahgateway.apps.monitor import Watch
 from ahgateway.apps.report import hexadecimal
 from ahgateway.core import flags
 from ahgateway.core.real import REAL, same_bits, ulp_distance
 from ahgateway.lockstep.picture import Picture
-from ahgateway.tui.lines import shown
 from ahgateway.tui.lines_panel import Line, columns, plain
 
 ROWS = ("e", "p", "i", "d", "bias", "raw", "mv")

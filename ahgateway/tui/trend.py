@@ -7,9 +7,9 @@ from itertools import groupby
 import numpy as np
 
 from ahgateway.apps.health import Array
+from ahgateway.apps.lines import clock_time, shown
 from ahgateway.apps.trail import Trace
 from ahgateway.clock import SECOND
-from ahgateway.tui.lines import clock_time, shown
 from ahgateway.tui.lines_panel import Line, LinesPanel, plain
 from ahgateway.tui.plot import cells, dots, marks, value_range
 

@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 from lockstep.bench_world import World
 
+from ahgateway.apps.lines import event_line, status_line, summary_lines
 from ahgateway.apps.monitor import GIVE_UP_NS, LinkChange, Monitor, Report
 from ahgateway.apps.report import as_json, summary_json
 from ahgateway.clock import SECOND
 from ahgateway.core.verdict import Exit
 from ahgateway.errors import ReplyTimeoutError
 from ahgateway.lockstep.follow import Change, Finding
-from ahgateway.tui.lines import event_line, status_line, summary_lines
 
 GAINS = {"Kc_Kp": 2.0, "Ti_Ki": 0.3, "Td_Kd": 0.0}
 
