@@ -61,6 +61,10 @@ COMMANDS: dict[str, Row] = {
     "write": Row(
         "write:write", "Write operands of one loop, each read back; without --arm only say what would be written."
     ),
+    "plc-code": Row(
+        "plc_code:plc_code",
+        "Write Structured Text for ISPSoft, made from the tables of a profile; sends nothing to any PLC.",
+    ),
     "journal": Row("journal:app", "Check and read the journals of the write gate; sends nothing to any PLC."),
     "tune": Row("tune:tune", "Find a loop's process in a recorded trace and propose gains in the loop's own form."),
     "migrate": Row(

@@ -68,6 +68,21 @@ class WriteLimit:
 
 
 @dataclass(frozen=True, slots=True)
+class LeaseSpec:
+    """Where the PLC keeps the lease of a loop, and when it puts the loop back by itself.
+
+    Attributes:
+        data: First word of the block; the PLC's program must not use its words for anything else.
+        timeout_ms: The beat must change within this time.
+        task_ms: Period of the interval task that calls the snippet.
+    """
+
+    data: Device
+    timeout_ms: int = 5000
+    task_ms: int = 100
+
+
+@dataclass(frozen=True, slots=True)
 class Loop:
     """One PID instruction in the PLC program.
 
@@ -88,6 +103,7 @@ class Loop:
         counter: Word that the program counts up by one at each execution, wrapping at 65536; None when there is none.
         pv_held: PV's register holds still from one execution to the next, so that it shows what was read; None: as
             usual for the controller.
+        lease: The lease that the PLC keeps, None when it holds no such snippet.
     """
 
     name: str
@@ -105,6 +121,7 @@ class Loop:
     writes: Mapping[str, WriteLimit] = field(default_factory=dict)
     counter: Device | None = None
     pv_held: bool | None = None
+    lease: LeaseSpec | None = None
 
     def __post_init__(self) -> None:
         if self.dialect is None:

@@ -189,6 +189,14 @@ class WriteForm(Form):
     interval_s: float = Field(default=1.0, ge=0, le=3600, description="shortest time between two writes")
 
 
+class LeaseForm(Form):
+    """The lease of a loop that the PLC itself keeps, by the snippet of `plc-code heartbeat`."""
+
+    data: str = Field(min_length=1, description="first word of the block, D900; nothing else may use its words")
+    timeout_ms: int = Field(default=5000, ge=200, le=MINUTE_MS, description="the beat must change within this time")
+    task_ms: int = Field(default=100, ge=1, le=1000, description="period of the interval task with the snippet")
+
+
 class LoopForm(Form):
     """One PID instruction of the PLC program."""
 
@@ -213,6 +221,7 @@ class LoopForm(Form):
     write: dict[str, WriteForm] = Field(
         default_factory=dict, description="operand to what may be written; nothing else ever is"
     )
+    lease: LeaseForm | None = Field(default=None, description="the PLC puts the loop back when we vanish")
     fake: FakeForm = Field(default_factory=FakeForm)
 
 

@@ -25,6 +25,7 @@ from ahgateway.schema.binding import Bound, bind, bit_device, constants, parsed,
 from ahgateway.schema.can import with_can
 from ahgateway.schema.findings import Findings, near, pruned, shown
 from ahgateway.schema.forms import FakeForm, LoopForm, ProfileForm, RangesForm, StationForm
+from ahgateway.schema.leases import with_leases
 from ahgateway.schema.overlap import shared
 from ahgateway.schema.writes import with_writes
 
@@ -162,7 +163,8 @@ def _profile(form: ProfileForm, text: str, file: str, beside: Path | None, findi
         form.station.kind == "bench",
         Pacing(**form.station.pacing.model_dump()),
     )
-    station = with_can(with_writes(station, form, bounds, findings), form, bounds, findings)
+    station = with_leases(with_writes(station, form, bounds, findings), form, findings)
+    station = with_can(station, form, bounds, findings)
     return Profile(file, text, form, bounds, station, fakes)
 
 

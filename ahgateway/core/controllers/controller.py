@@ -82,6 +82,11 @@ class Roles:
         held: The block keeps its own copy of the process value, so that its operand is what the last execution read.
         published_pv: Seen value that shows the process value as the law took it; empty when none does.
         starts: When a block that is met running becomes known, for people; empty when that is always.
+        modes: Operands by which an operator takes a loop over.
+        manual: Operand that puts the loop in manual while it is `is_manual_when`; empty when there is none.
+        is_manual_when: What `manual` holds in manual.
+        mout: Operand with the manual value; empty when there is none.
+        follows: Operand that lets `mout` follow the output in automatic while it is TRUE; empty when there is none.
     """
 
     sv: str = "SV"
@@ -93,6 +98,11 @@ class Roles:
     held: bool = False
     published_pv: str = ""
     starts: str = ""
+    modes: tuple[str, ...] = ("PID_RUN", "PID_MODE", "PID_MAN")
+    manual: str = "PID_MAN"
+    is_manual_when: bool = True
+    mout: str = "MOUT"
+    follows: str = "MOUT_AUTO"
 
 
 def _delta_computes(inputs: Any) -> bool:
