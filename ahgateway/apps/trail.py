@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ahgateway.apps.health import Array, Window
+from ahgateway.apps.lanes import lane_values, lanes_of
+from ahgateway.apps.marks import Mark, mark_of
 from ahgateway.apps.monitor import LinkChange, Report, Sample
 from ahgateway.clock import SECOND
 from ahgateway.codec.station import Station
@@ -16,7 +18,7 @@ from ahgateway.lockstep.picture import Picture
 
 CAPACITY = 4096
 """Samples kept of a loop: a bit over an hour at CYCLE 1 s."""
-COLUMNS = ("sv", "pv", "mv", "ref_mv", "mv_min", "mv_max", "auto")
+COLUMNS = ("sv", "pv", "mv", "ref_mv", "mv_min", "mv_max", "auto", "mark")
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +28,8 @@ class Trace:
     Attributes:
         t_s: Time in s, UTC.
         ref_mv: MV of the reference at the last execution, NaN where there was none.
+        mark: The worst of what was said since the sample before, as a number of `Mark`.
+        lanes: What drives the actuator, shape (lanes, samples).
     """
 
     t_s: Array
@@ -36,6 +40,8 @@ class Trace:
     mv_min: Array
     mv_max: Array
     auto: Array
+    mark: Array
+    lanes: Array
 
     def window(self) -> Window:
         """Return what is whole of it for loop health."""
@@ -54,11 +60,11 @@ class Trace:
 
 
 class Trail:
-    """A ring of one loop's samples."""
+    """A ring of one loop's samples, with so many lanes beside its columns."""
 
-    def __init__(self, capacity: int = CAPACITY) -> None:
+    def __init__(self, capacity: int = CAPACITY, lanes: int = 0) -> None:
         self._times = np.zeros(capacity)
-        self._values = np.zeros((capacity, len(COLUMNS)), np.float32)
+        self._values = np.zeros((capacity, len(COLUMNS) + lanes), np.float32)
         self._next = 0
         self._count = 0
 
@@ -66,7 +72,7 @@ class Trail:
         return self._count
 
     def add(self, t_s: float, row: tuple[float, ...]) -> None:
-        """Keep one sample: SV, PV, MV, MV of the reference, MV_MIN, MV_MAX, and 1 in automatic, else 0."""
+        """Keep one sample: SV, PV, MV, MV of the reference, MV_MIN, MV_MAX, 1 in automatic, mark, then the lanes."""
         self._times[self._next] = t_s
         self._values[self._next] = row
         self._next = (self._next + 1) % self._times.size
@@ -74,14 +80,16 @@ class Trail:
 
     def gap(self, t_s: float) -> None:
         """Mark that nothing is known from now on."""
-        self.add(t_s, (float("nan"),) * len(COLUMNS))
+        row = [float("nan")] * self._values.shape[1]
+        row[COLUMNS.index("mark")] = float(Mark.LINK)
+        self.add(t_s, tuple(row))
 
     def trace(self, since_s: float = -np.inf) -> Trace:
         """Return the samples from a time on as arrays of their own."""
         order = (self._next - self._count + np.arange(self._count)) % self._times.size
         order = order[self._times[order] >= since_s]
-        columns = self._values[order].astype(np.float64)
-        return Trace(self._times[order], *columns.T)
+        columns = self._values[order].astype(np.float64).T
+        return Trace(self._times[order], *columns[: len(COLUMNS)], columns[len(COLUMNS) :])
 
 
 class Trails:
@@ -92,9 +100,11 @@ class Trails:
 
     def __init__(self, station: Station, capacity: int = CAPACITY) -> None:
         self._loops = {loop.name: loop for loop in station.loops}
-        self.trails = {name: Trail(capacity) for name in self._loops}
+        self.trails = {name: Trail(capacity, len(lanes_of(loop))) for name, loop in self._loops.items()}
         self._ref_mv = dict.fromkeys(self._loops, float("nan"))
         self._executed = dict.fromkeys(self._loops, False)
+        self._mark = dict.fromkeys(self._loops, Mark.NONE)
+        self._before: dict[str, Picture | None] = dict.fromkeys(self._loops)
         self._kept_ns = dict.fromkeys(self._loops, 0)
 
     def take(self, report: Report) -> None:
@@ -105,10 +115,12 @@ class Trails:
                 for trail in self.trails.values():
                     trail.gap(report.utc_ns / SECOND)
                 self._ref_mv = dict.fromkeys(self._loops, float("nan"))
+                self._before = dict.fromkeys(self._loops)
         elif report.loop not in self.trails:
             return
         elif isinstance(event, Execution):
             self._executed[report.loop] = True
+            self._mark[report.loop] = max(self._mark[report.loop], mark_of(event))
             if event.terms is not None:
                 self._ref_mv[report.loop] = float(reference_of(self._loops[report.loop], event.terms))
         elif isinstance(event, Sample):
@@ -132,5 +144,9 @@ class Trails:
                 float(getattr(inputs, "mv_min", "nan")),
                 float(getattr(inputs, "mv_max", "nan")),
                 float(is_automatic(loop, picture)),
+                float(self._mark[name]),
+                *lane_values(loop, picture, self._before[name]),
             ),
         )
+        self._mark[name] = Mark.NONE
+        self._before[name] = picture

@@ -6,10 +6,10 @@ from collections.abc import Iterable
 
 from ahgateway.apps.board import Board
 from ahgateway.apps.lines import clock_time
+from ahgateway.apps.rows import round_trip_classes
 from ahgateway.clock import MILLISECOND
 from ahgateway.transports.base import Frame, LinkFigures
 
-EDGES_MS = (0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 FRAMES_SHOWN = 12
 BYTES_SHOWN = 24
 
@@ -49,19 +49,13 @@ def round_trip_lines(figures: LinkFigures, width: int) -> list[str]:
 
 def histogram(round_trips_ns: Iterable[int], width: int) -> list[str]:
     """Return one line for each class that holds something or lies between such, with its count and a bar."""
-    counts = [0] * (len(EDGES_MS) + 1)
-    for each in round_trips_ns:
-        counts[sum(each >= edge * MILLISECOND for edge in EDGES_MS)] += 1
-    filled = [index for index, count in enumerate(counts) if count]
-    if not filled:
-        return []
-    most = max(counts)
+    classes = round_trip_classes(round_trips_ns)
+    most = max((count for _, _, count in classes), default=0)
     lines = []
-    for index in range(filled[0], filled[-1] + 1):
-        low = f"{EDGES_MS[index - 1]:g}" if index else "0"
-        high = f"< {EDGES_MS[index]:g} ms" if index < len(EDGES_MS) else "ms and more"
-        bar = "█" * max(1 if counts[index] else 0, round(counts[index] * width / most))
-        lines.append(f"{low:>6} … {high:<11} {counts[index]:>6} {bar}")
+    for low, high, count in classes:
+        below = f"< {high:g} ms" if high is not None else "ms and more"
+        bar = "█" * max(1 if count else 0, round(count * width / most))
+        lines.append(f"{low:>6g} … {below:<11} {count:>6} {bar}")
     return lines
 
 

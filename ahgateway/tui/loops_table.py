@@ -11,11 +11,9 @@ from textual.containers import Vertical
 from textual.message import Message
 
 from ahgateway.apps.board import Board
-from ahgateway.apps.health import label
-from ahgateway.apps.lines import shown
 from ahgateway.apps.monitor import Watch
+from ahgateway.apps.rows import loop_row
 from ahgateway.clock import SECOND
-from ahgateway.lockstep.follow import is_automatic, output_of, process_value_of, target_of
 from ahgateway.tui.lines_panel import Line, LinesPanel, columns
 
 COLUMNS = ("loop", "verdict", "proven", "of", "diverged", "SV", "PV", "MV", "mode", "age", "health", "findings")
@@ -120,37 +118,21 @@ class LoopsTable(Vertical):
             self.post_message(LoopsTable.Opened(self._names[event.index]))
 
     def _row(self, watch: Watch) -> tuple[tuple[str, str], ...]:
-        board, name = self._board, watch.loop.name
-        picture = watch.follower.picture
-        fresh = board.freshness(watch)
-        word = board.word(watch)
-        counts = watch.follower.summary()
-        values = ["-"] * 3
-        mode, age = "-", "-"
-        if picture is not None and fresh.age_ns is not None:
-            loop = watch.loop
-            three = (target_of(loop, picture), process_value_of(loop, picture), output_of(loop, picture))
-            values = [shown(value) for value in three]
-            mode = (
-                mode_word(picture.inputs) if is_automatic(loop, picture) or loop.controller.begin is None else "manual"
-            )
-            age = f"{fresh.age_ns / SECOND:.1f} s"
-        if fresh.is_stale:
-            values = [f"({value})" for value in values]
-        dim = "dim" if fresh.is_stale else ""
+        row = loop_row(self._board, watch)
+        counts = row.counts
+        values = [f"({value})" if row.is_stale else value for value in row.values]
+        dim = "dim" if row.is_stale else ""
         return (
-            (name, "bold"),
-            (word, STYLE.get(word, "")),
+            (row.name, "bold"),
+            (row.word, STYLE.get(row.word, "")),
             (f"{counts.proven} {counts.coverage:.0%}", ""),
             (str(counts.total), ""),
             (str(counts.diverged), "bold red" if counts.diverged else ""),
-            (values[0], dim),
-            (values[1], dim),
-            (values[2], dim),
-            (mode, dim),
-            (age, dim),
-            (label(board.known_health(name)), ""),
-            (watch.refused or ", ".join(watch.follower.findings), ""),
+            *((value, dim) for value in values),
+            (row.mode, dim),
+            ("-" if row.age_ns is None else f"{row.age_ns / SECOND:.1f} s", dim),
+            (row.health, ""),
+            (row.notes, ""),
         )
 
 
@@ -159,12 +141,3 @@ def _pointed(line: Line, *, is_chosen: bool) -> Line:
     if not is_chosen:
         return (("  ", ""), *line)
     return (("> ", "bold"), *((text, f"{style} underline".strip()) for text, style in line))
-
-
-def mode_word(inputs: object) -> str:
-    """Return `auto`, `manual`, `tuning` or `off` from a controller's inputs."""
-    if not getattr(inputs, "pid_run", True):
-        return "off"
-    if getattr(inputs, "pid_mode", 0) == 1:
-        return "tuning"
-    return "manual" if getattr(inputs, "pid_man", False) else "auto"

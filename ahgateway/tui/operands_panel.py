@@ -5,8 +5,7 @@ from __future__ import annotations
 from ahgateway.apps.board import Board
 from ahgateway.apps.lines import clock_time, shown
 from ahgateway.apps.monitor import Watch
-from ahgateway.codec.station import Const, Loop
-from ahgateway.core.operands import Kind, Operand
+from ahgateway.apps.rows import operand_rows
 from ahgateway.tui.lines_panel import Line, columns
 
 HEADS = (" ", "operand", "device", "value", "unit", "changed")
@@ -15,44 +14,22 @@ RIGHT = frozenset({3})
 
 def operand_lines(board: Board, watch: Watch) -> list[Line]:
     """Return a loop's operands as lines, each changed one with a star and its values."""
-    picture = watch.follower.picture
     is_stale = board.freshness(watch).is_stale
-    changes = board.changes[watch.loop.name]
     rows = [tuple((head, "bold underline" if head != " " else "") for head in HEADS)]
-    for operand in watch.loop.controller.operands:
-        if operand.kind is Kind.BLOCK:
-            continue
-        value = getattr(picture.inputs, operand.attr, None) if picture is not None else None
-        if value is None and picture is not None:
-            value = picture.seen.get(operand.name)
-        text = "-" if value is None else shown(value)
-        change = changes.get(operand.name)
-        style = "bold yellow" if change else ""
+    for row in operand_rows(board, watch):
+        style = "bold yellow" if row.change else ""
         history = ""
-        if change is not None:
-            when = clock_time(change[0]).partition(".")[0]
-            history = f"{when} {shown(change[1].old)} -> {shown(change[1].new)}"
+        if row.change is not None:
+            utc_ns, change = row.change
+            history = f"{clock_time(utc_ns).partition('.')[0]} {shown(change.old)} -> {shown(change.new)}"
         rows.append(
             (
-                ("*" if change else " ", style),
-                (operand.name, style),
-                (where(watch.loop, operand), ""),
-                (f"({text})" if is_stale and value is not None else text, ""),
-                (unit(watch.loop, operand), ""),
+                ("*" if row.change else " ", style),
+                (row.name, style),
+                (row.device, ""),
+                (f"({row.value})" if is_stale and row.value != "-" else row.value, ""),
+                (row.unit, ""),
                 (history, style),
             )
         )
     return columns(rows, RIGHT)
-
-
-def where(loop: Loop, operand: Operand) -> str:
-    """The operand's device as the program writes it; a literal has none."""
-    binding = loop.bindings.get(operand.name)
-    if binding is None:
-        return "-"
-    return "literal" if isinstance(binding, Const) else str(binding)
-
-
-def unit(loop: Loop, operand: Operand) -> str:
-    """The operand's unit, the loop's own where it is PV or MV."""
-    return {"PV": loop.pv_unit, "MV": loop.mv_unit}.get(operand.unit, operand.unit)

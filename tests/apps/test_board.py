@@ -16,7 +16,7 @@ UTC_START_S = 1_767_225_600
 
 
 def row(pv: float) -> tuple[float, ...]:
-    return (50.0, pv, 10.0, NAN, 0.0, 100.0, 1.0)
+    return (50.0, pv, 10.0, NAN, 0.0, 100.0, 1.0, 1.0)
 
 
 @pytest.fixture
