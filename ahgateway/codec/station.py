@@ -169,23 +169,32 @@ class Station:
 
 @dataclass(frozen=True, slots=True)
 class PlantSpec:
-    """The process that the fake PLC hangs on a loop: PV follows MV.
+    """A simulated process on a loop, in the fake PLC or on a bench: PV follows MV.
 
     Attributes:
-        kind: `fopdt` first order with dead time, `sopdt` second order, `integrating` with dead time, or `heat_cool`,
-            first order with a heater and a cooler.
-        gain: PV per MV; PV per MV and second when integrating.
-        tau_s: Time constant in s; not used when integrating.
+        kind: `fopdt` first order with dead time, `sopdt` two lags, `second_order` by damping, `integrating`, `tank` a
+            level with a free outlet, or `heat_cool`, first order with a heater and a cooler; all with dead time.
+        gain: PV per MV; PV per MV and second for `integrating` and `tank`.
+        tau_s: Time constant in s; not used by `integrating` and `tank`.
         dead_time_s: Dead time in s.
-        bias: PV at MV = 0; drift of PV per second when integrating.
+        bias: PV at MV = 0; drift of PV per second for `integrating` and `tank`.
         noise: Standard deviation of the noise on PV.
         initial: PV at the start.
         cool_gain: PV per % of cooling, `heat_cool` only.
-        stroke_s: Time of the motor valve in front of the plant from closed to open, PID_REG_CE only; so the next three.
+        stroke_s: Time of a motor valve in front of the plant from closed to open; None for no valve, but PID_REG_CE
+            always drives one. So the next three.
         backlash: Backlash of its gear in %.
         stiction: Further way before a resting stem breaks loose, in %.
         position: Where it stands at the start, in %.
-        tau2_s: Second time constant in s, sopdt only.
+        tau2_s: Second time constant in s, `sopdt` only.
+        zeta: Damping, `second_order` only.
+        outflow: What leaves a `tank` at PV = 1, per second; as the square root of PV elsewhere.
+        pwm_s: Period in s of the pulses that MV is turned into; 0 for none.
+        filter_s: Time constant in s of the sensor's lag.
+        resolution: Smallest step that the sensor shows.
+        span: Where the sensor ends below and above; None for nowhere.
+        load_noise: Standard deviation of a random load at the plant's input, in MV's unit.
+        load_tau_s: Its time constant in s.
     """
 
     kind: str
@@ -196,11 +205,19 @@ class PlantSpec:
     noise: float = 0.0
     initial: float = 0.0
     cool_gain: float = 0.0
-    stroke_s: float = 60.0
+    stroke_s: float | None = None
     backlash: float = 0.0
     stiction: float = 0.0
     position: float = 0.0
     tau2_s: float = 0.0
+    zeta: float = 0.0
+    outflow: float = 0.0
+    pwm_s: float = 0.0
+    filter_s: float = 0.0
+    resolution: float = 0.0
+    span: tuple[float, float] | None = None
+    load_noise: float = 0.0
+    load_tau_s: float = 10.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,8 +29,9 @@ from ahgateway.errors import CodecError, PlcRefusedError, StateError
 from ahgateway.fake.call_item import CallItem
 from ahgateway.fake.faults import fault as fault_named
 from ahgateway.fake.memory import BUSY, BitCell, Limits, Memory
-from ahgateway.fake.process import DEFAULT_PLANT, Process
+from ahgateway.fake.process import Process
 from ahgateway.fake.program import Execution, PidItem
+from ahgateway.fake.rigs import DEFAULT_PLANT
 
 ALWAYS_ON, ALWAYS_OFF, FIRST_ON, FIRST_OFF, IS_RUNNING = 400, 401, 402, 403, 215
 """Numbers of the SM flags (ASSUMED, spec ah500 §3.6)."""
@@ -122,6 +123,7 @@ class FakePlc:
             for loop in station.loops
         }
         self.processes: dict[str, Process] = {}
+        self._sensed: list[Process] = []
         setups = setups or {}
         for name in setups:
             self._item(name)
@@ -135,22 +137,23 @@ class FakePlc:
 
     def scan(self, elapsed_ns: int | None = None) -> None:
         """Run one scan that comes `elapsed_ns` after the one before; `scan_ns` by default."""
-        elapsed = self.scan_ns if elapsed_ns is None else elapsed_ns
+        with quiet(all="ignore"):
+            self._scan(self.scan_ns if elapsed_ns is None else elapsed_ns)
+
+    def _scan(self, elapsed: int) -> None:
         self.now_ns += elapsed
         while self._script and self._script[0][0] <= self.now_ns:
             self._script.pop(0)[2](self)
-        with quiet(all="ignore"):
-            for process in self.processes.values():
-                process.advance(elapsed)
-            if not self.is_running:
-                return
-            for name, process in self.processes.items():
-                if getattr(self.items[name], "sense", None) is None:
-                    process.sense()
-            for item in self.items.values():
-                item.scan(self.now_ns, elapsed)
-            for process in self.processes.values():
-                process.drive()
+        for process in self.processes.values():
+            process.advance(elapsed)
+        if not self.is_running:
+            return
+        for process in self._sensed:
+            process.sense()
+        for item in self.items.values():
+            item.scan(self.now_ns, elapsed)
+        for process in self.processes.values():
+            process.drive()
         self.scans += 1
         if self._is_first_scan:
             self._is_first_scan = False
@@ -286,6 +289,8 @@ class FakePlc:
             process.sense()
             if isinstance(item, CallItem) and item.loop.holds_pv:
                 item.sense = process.sense
+            else:
+                self._sensed.append(process)
             # A relay that turns at every flicker of the sensor would measure the noise.
             item.hysteresis = 4.0 * setup.plant.noise
         for operand, value in setup.initial.items():

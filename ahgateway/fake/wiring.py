@@ -35,6 +35,7 @@ class Wiring:
         self.loop = loop
         self._memory = memory
         rows = {row.attr: row for row in loop.controller.operands}
+        self._readers: dict[str, Callable[[], Any]] = {}
         self._inputs = [self._reader(rows[attr]) for attr in loop.controller.input_names]
         self.enabled: Callable[[], bool] = (
             memory.bit_at(address(loop, memory.devices, EN)).get
@@ -89,10 +90,11 @@ class Wiring:
 
     def get(self, operand: str) -> Any:
         """Return an operand's value, or the EN contact."""
-        if operand == EN and not self._has_row(EN):
-            return self.enabled()
-        row = self._row(operand)
-        return self._reader(row)()
+        read = self._readers.get(operand)
+        if read is None:
+            is_contact = operand == EN and not self._has_row(EN)
+            read = self._readers[operand] = self.enabled if is_contact else self._reader(self._row(operand))
+        return read()
 
     def put(self, operand: str, value: Any) -> None:
         """Write an operand's value into its device.

@@ -7,19 +7,16 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler, WithJsonSchema, model_validator
+from pydantic import Field, GetJsonSchemaHandler, WithJsonSchema, model_validator
 from pydantic_core import CoreSchema
+
+from ahgateway.schema.form import Form
+from ahgateway.schema.plant import PlantForm
 
 MINUTE_MS = 60_000
 HOUR_MS = 3_600_000
 
 Scalar = Annotated[Any, WithJsonSchema({"type": ["boolean", "number"]})]
-
-
-class Form(BaseModel):
-    """A table: no key beyond its own, no conversion of types, nothing changed after reading."""
-
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class PacingForm(Form):
@@ -150,27 +147,6 @@ class EvidenceForm(Form):
     date: str = Field(default="", description="ISO date")
     executions: int = Field(default=0, ge=0, description="executions that agreed")
     firmware: str = Field(default="", description="firmware of the PLC, as its label or programming tool shows it")
-
-
-class PlantForm(Form):
-    """The process behind a loop in the fake PLC."""
-
-    kind: Literal["fopdt", "integrating", "heat_cool"]
-    gain: float = Field(description="PV per MV; PV per MV and second when integrating")
-    tau_s: float | None = Field(default=None, gt=0, description="time constant; fopdt needs it")
-    dead_time_s: float = Field(default=0.0, ge=0, description="dead time")
-    bias: float = Field(default=0.0, description="PV at MV = 0; drift of PV per second when integrating")
-    noise: float = Field(default=0.0, ge=0, description="standard deviation of the noise on PV")
-    initial: float | None = Field(default=None, description="PV at the start; without it bias, 0 when integrating")
-    cool_gain: float = Field(default=0.0, ge=0, description="PV per % of cooling, heat_cool only")
-    stroke_s: float | None = Field(
-        default=None, gt=0, description="PID_REG_CE: time of the motor valve, 60 if left out"
-    )
-    backlash: float = Field(default=0.0, ge=0, description="PID_REG_CE: backlash of the motor valve in %")
-    stiction: float = Field(default=0.0, ge=0, description="PID_REG_CE: way in % before a resting valve breaks loose")
-    position: float = Field(
-        default=0.0, ge=0, le=100, description="PID_REG_CE: position of the valve at the start in %"
-    )
 
 
 class FakeForm(Form):

@@ -15,7 +15,7 @@ from urllib.parse import parse_qs, urlsplit
 from pydantic import ValidationError
 
 from ahgateway.codec.devices import Device, DeviceMap
-from ahgateway.codec.station import FakeLoop, Loop, Pacing, PlantSpec, Station, Tolerance
+from ahgateway.codec.station import FakeLoop, Loop, Pacing, Station, Tolerance
 from ahgateway.core.controllers import CONTROLLERS, Controller
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL
@@ -27,6 +27,7 @@ from ahgateway.schema.findings import Findings, near, pruned, shown
 from ahgateway.schema.forms import FakeForm, LoopForm, ProfileForm, RangesForm, StationForm
 from ahgateway.schema.leases import with_leases
 from ahgateway.schema.overlap import shared
+from ahgateway.schema.plant import plant_spec
 from ahgateway.schema.writes import with_writes
 
 SCHEMES = (
@@ -332,32 +333,5 @@ def _fake(
             typed = typed_value(rows[operand], value, key, findings)
             if typed is not None:
                 initial[operand] = typed
-    return FakeLoop(initial, _plant(name, form, controller, findings))
-
-
-def _plant(name: str, form: FakeForm, controller: Controller, findings: Findings) -> PlantSpec | None:
-    plant = form.plant
-    if plant is None:
-        return None
-    integrating = plant.kind == "integrating"
-    if plant.tau_s is None and not integrating:
-        findings.add(
-            f"loops.{name}.fake.plant.tau_s", f"is missing, a plant of kind {plant.kind} needs its time constant"
-        )
-    if plant.stroke_s is not None and "OPEN_OUT" not in {row.name for row in controller.operands}:
-        findings.add(f"loops.{name}.fake.plant.stroke_s", f"{controller.name} drives no motor valve, PID_REG_CE does")
-    start = plant.initial if plant.initial is not None else (0.0 if integrating else plant.bias)
-    return PlantSpec(
-        plant.kind,
-        plant.gain,
-        plant.tau_s or 0.0,
-        plant.dead_time_s,
-        plant.bias,
-        plant.noise,
-        start,
-        plant.cool_gain,
-        60.0 if plant.stroke_s is None else plant.stroke_s,
-        plant.backlash,
-        plant.stiction,
-        plant.position,
-    )
+    plant = None if form.plant is None else plant_spec(form.plant, f"loops.{name}.fake.plant", controller, findings)
+    return FakeLoop(initial, plant)

@@ -20,25 +20,20 @@ from ahgateway.core.operands import Kind
 from ahgateway.schema import files
 from ahgateway.schema.binding import typed_value
 from ahgateway.schema.findings import Findings, near, shown
-from ahgateway.schema.forms import Form, Scalar
-
-INSTRUCTIONS = ("DPID", "DPIDE")
-"""Instructions that scenarios can drive."""
+from ahgateway.schema.form import Form
+from ahgateway.schema.forms import Scalar
+from ahgateway.schema.plant import PlantForm, plant_spec
 
 HOUR_S = 3600.0
 
+DELTA_ONLY = ("bumpless", "clamps", "quiet_in_band", "fresh_pv")
+"""Expectations that are judged by operands which only DPID and DPIDE have."""
 
-class ProcessForm(Form):
-    """The process behind the loop, simulated by the gateway."""
+SHIPPED = {"conformance": ("dpid", "dpide")}
+"""Names of several shipped folders together."""
 
-    kind: Literal["fopdt", "sopdt", "integrating"]
-    gain: float = Field(description="PV per MV; PV per MV and second when integrating")
-    tau_s: float | None = Field(default=None, gt=0, description="time constant; fopdt and sopdt need it")
-    tau2_s: float | None = Field(default=None, gt=0, description="second time constant; sopdt needs it")
-    dead_time_s: float = Field(default=0.0, ge=0, description="dead time")
-    bias: float = Field(default=0.0, description="PV at MV = 0; drift of PV per second when integrating")
-    noise: float = Field(default=0.0, ge=0, description="standard deviation of the noise on PV")
-    initial: float | None = Field(default=None, description="PV at the start; without it bias, 0 when integrating")
+BASELINES = ("fresh-pv", "setpoint-step")
+"""The short shipped scenario of an instruction; the first that its folder has."""
 
 
 class StepForm(Form):
@@ -52,6 +47,9 @@ class StepForm(Form):
     ramp: dict[str, float] = Field(default_factory=dict, description="operand to the value it reaches at `until`")
     do: Literal["stop", "restart", "freeze-pv", "link-down"] | None = Field(
         default=None, description="what is done to the PLC, the sensor or the link"
+    )
+    load: float | None = Field(
+        default=None, description="a load at the plant's input, in MV's unit, until `until` or for good"
     )
 
 
@@ -105,10 +103,10 @@ class ScenarioForm(Form):
     """A scenario file."""
 
     title: str = Field(min_length=1, description="what is checked, one sentence")
-    instruction: str = Field(description="DPID or DPIDE")
+    instruction: str = Field(description="DPID, DPIDE, MELSEC_PID, PID_REG_CE or PID_Temp")
     duration: float = Field(gt=0, le=HOUR_S, description="simulated time in s")
     limit: float = Field(default=60.0, gt=0, le=HOUR_S, description="longest real time in s")
-    plant: ProcessForm | None = Field(default=None, description="without it PV stands where it is set")
+    plant: PlantForm | None = Field(default=None, description="without it PV stands where it is set")
     initial: dict[str, Scalar] = Field(default_factory=dict, description="operand to its value at the start")
     step: list[StepForm] = Field(default_factory=list, description="the time line")
     expect: ExpectForm = Field(default_factory=ExpectForm)
@@ -140,6 +138,8 @@ class Action:
         set: Operand to value, at once.
         ramp: Operand to the value reached at the end.
         do: What is done to the PLC, the sensor or the link; empty for nothing.
+        load: Load at the plant's input; None for none.
+        holds_pv: The sensor stands still from then on, or until `until_s`.
     """
 
     at_s: float
@@ -147,6 +147,8 @@ class Action:
     set: Mapping[str, Any]
     ramp: Mapping[str, float]
     do: str
+    load: float | None = None
+    holds_pv: bool = False
 
 
 @dataclass(frozen=True)
@@ -181,12 +183,12 @@ class Scenario:
 
 
 def library() -> Path:
-    """Directory of the shipped scenarios: one folder per instruction, and the bench that they run on."""
+    """Directory of the shipped scenarios: a folder per instruction, one of plants, and the bench that they run on."""
     return files.shipped() / "scenarios"
 
 
 def collected(paths: list[str]) -> list[Scenario]:
-    """Return the scenarios in files and folders, in order; `dpid`, `dpide` and `conformance` are shipped.
+    """Return the scenarios in files and folders, in order; shipped are the folders of `library`, and `conformance`.
 
     Raises:
         ProfileError: A path leads nowhere, a folder holds no scenario, or a scenario is wrong.
@@ -194,21 +196,26 @@ def collected(paths: list[str]) -> list[Scenario]:
     found: list[Scenario] = []
     for text in paths:
         path = Path(text)
-        if not path.exists() and (text == "conformance" or text in shipped_folders()):
-            path = library() if text == "conformance" else library() / text
         if path.is_dir():
-            inside = sorted(each for each in path.rglob("*.toml") if each.parent != library())
-            if not inside:
-                raise _missing(f"`{text}` holds no scenario, a scenario is a file *.toml")
-            found.extend(load(each) for each in inside)
+            found.extend(_inside(path))
         elif path.is_file():
             found.append(load(path))
+        elif text in SHIPPED or text in shipped_folders():
+            for folder in SHIPPED.get(text, (text,)):
+                found.extend(_inside(library() / folder))
         else:
-            names = ("conformance", *shipped_folders())
+            names = (*SHIPPED, *shipped_folders())
             raise _missing(
                 f"`{text}` is no file, no folder and no shipped set; shipped are {', '.join(names)}", near(text, names)
             )
     return _distinct(found)
+
+
+def _inside(folder: Path) -> list[Scenario]:
+    found = [load(each) for each in sorted(folder.rglob("*.toml"))]
+    if not found:
+        raise _missing(f"`{folder}` holds no scenario, a scenario is a file *.toml")
+    return found
 
 
 def _distinct(found: list[Scenario]) -> list[Scenario]:
@@ -224,11 +231,12 @@ def _distinct(found: list[Scenario]) -> list[Scenario]:
 def baselines(scenarios: Sequence[Scenario]) -> list[Scenario]:
     """Return the short shipped scenario of each instruction among these, with which a bench is tried first."""
     names = dict.fromkeys(each.controller.name.lower() for each in scenarios)
-    return [load(library() / name / "fresh-pv.toml") for name in names]
+    return [next(load(file) for each in BASELINES if (file := library() / name / f"{each}.toml").exists())
+            for name in names]  # fmt: skip
 
 
 def shipped_folders() -> tuple[str, ...]:
-    """Names of the shipped sets, one per instruction."""
+    """Names of the shipped sets: one per instruction, and `plants`."""
     return tuple(sorted(each.name for each in library().iterdir() if each.is_dir()))
 
 
@@ -257,20 +265,21 @@ def parse(text: str, file: str, name: str) -> Scenario:
     findings.raise_any()
     assert isinstance(form, ScenarioForm)
     controller = CONTROLLERS.get(form.instruction)
-    if controller is None or controller.name not in INSTRUCTIONS:
+    if controller is None:
         findings.add(
             "instruction",
-            f"{shown(form.instruction)} cannot be checked, allowed are {', '.join(INSTRUCTIONS)}",
-            near(form.instruction, INSTRUCTIONS),
+            f"{shown(form.instruction)} cannot be checked, allowed are {', '.join(CONTROLLERS)}",
+            near(form.instruction, CONTROLLERS),
         )
         findings.raise_any()
     assert controller is not None
     initial = _values(form.initial, "initial", controller, findings)
     actions = tuple(
-        _action(entry, f"step.{number}", form.duration, controller, findings) for number, entry in enumerate(form.step)
+        _action(entry, f"step.{number}", form.duration, controller, findings, has_plant=form.plant is not None)
+        for number, entry in enumerate(form.step)
     )
     _check_expectations(form, controller, findings)
-    plant = None if form.plant is None else _plant(form.plant, findings)
+    plant = None if form.plant is None else plant_spec(form.plant, "plant", controller, findings)
     findings.raise_any()
     ordered = tuple(sorted(actions, key=lambda each: each.at_s))
     return Scenario(
@@ -322,28 +331,40 @@ def _values(values: Mapping[str, Any], key: str, controller: Controller, finding
     return found
 
 
-def _action(form: StepForm, key: str, duration_s: float, controller: Controller, findings: Findings) -> Action:
+def _action(
+    form: StepForm, key: str, duration_s: float, controller: Controller, findings: Findings, *, has_plant: bool
+) -> Action:
     if form.at > duration_s:
         findings.add(f"{key}.at", f"is {form.at:g}, but the scenario ends at {duration_s:g}")
     if form.until is not None and form.until <= form.at:
         findings.add(f"{key}.until", f"is {form.until:g}, not behind at = {form.at:g}")
-    if not (form.set or form.ramp or form.do):
-        findings.add(key, "does nothing", "give it set, ramp or do")
+    if not (form.set or form.ramp or form.do or form.load is not None):
+        findings.add(key, "does nothing", "give it set, ramp, load or do")
     if form.ramp and form.until is None:
         findings.add(f"{key}.until", "is missing, a ramp needs its end")
     if form.do == "link-down" and form.until is None:
         findings.add(f"{key}.until", "is missing, a link that stays down shows nothing more")
     if form.do == "restart" and form.until is not None:
         findings.add(f"{key}.until", f"is {form.until:g}, but a restart has no end")
+    if form.load is not None and not has_plant:
+        findings.add(f"{key}.load", "acts on a plant, and the scenario has none", "give it a table `plant`")
     ramp = _values(form.ramp, f"{key}.ramp", controller, findings)
     for name, value in ramp.items():
         if controller.operand(name).kind is not Kind.REAL and value is not None:
             findings.add(f"{key}.ramp.{name}", f"{name} is a {controller.operand(name).kind.value}, only a REAL ramps")
-    return Action(form.at, form.until, _values(form.set, f"{key}.set", controller, findings), ramp, form.do or "")
+    values = _values(form.set, f"{key}.set", controller, findings)
+    holds_pv = form.do == "freeze-pv" or any(name in controller.roles.pvs for name in (*values, *ramp))
+    return Action(form.at, form.until, values, ramp, form.do or "", form.load, holds_pv)
 
 
 def _check_expectations(form: ScenarioForm, controller: Controller, findings: Findings) -> None:
     expect = form.expect
+    for name in DELTA_ONLY:
+        if getattr(expect, name) and "MV_MAX" not in {row.name for row in controller.operands}:
+            findings.add(
+                f"expect.{name}", f"is told of DPID and DPIDE only, not of {controller.name}",
+                "`always` and `finally` of a response say the same by its own operands",
+            )  # fmt: skip
     if expect.shadow == "ulp" and not expect.ulp_max:
         findings.add("expect.ulp_max", "is missing, agreement by ULP needs its distance")
     if expect.shadow == "tolerance" and not expect.mv_max:
@@ -371,20 +392,3 @@ def _check_formula(text: str, key: str, controller: Controller, findings: Findin
         return
     for name in sorted(used - {*known, "t"}):
         findings.add(key, f"`{name}` is no operand, known are t, {', '.join(known)}", near(name, known))
-
-
-def _plant(form: ProcessForm, findings: Findings) -> PlantSpec:
-    for key in {"fopdt": ("tau_s",), "sopdt": ("tau_s", "tau2_s"), "integrating": ()}[form.kind]:
-        if getattr(form, key) is None:
-            findings.add(f"plant.{key}", f"is missing, a plant of kind {form.kind} needs it")
-    start = form.initial if form.initial is not None else (0.0 if form.kind == "integrating" else form.bias)
-    return PlantSpec(
-        form.kind,
-        form.gain,
-        form.tau_s or 0.0,
-        form.dead_time_s,
-        form.bias,
-        form.noise,
-        start,
-        tau2_s=form.tau2_s or 0.0,
-    )

@@ -53,6 +53,23 @@ def test_a_response_that_misses_what_is_asked_fails(name: str) -> None:
     assert (Verdict.FAIL, [f"response.0.{name}"]) == (result.verdict, [each.name for each in result.outcomes])
 
 
+def test_a_load_moves_pv_and_is_taken_away_again() -> None:
+    push = "\n[[step]]\nat = 4.0\nuntil = 4.5\nload = 8.0\n" + '\n[expect]\nshadow = "none"' + WINDOW
+    head = HEAD.replace("noise = 0.02", "noise = 0.0")
+
+    assert Verdict.FAIL is ran(scenario(push + 'always = "PV - SV < 1.0"', head)).verdict
+    assert Verdict.PASS is ran(scenario(push + 'finally = "abs(PV - SV) < 0.5"', head)).verdict
+
+
+@pytest.mark.parametrize("name", sorted(each.stem for each in (library() / "plants").glob("*.toml")))
+def test_every_kind_of_process_runs_in_lockstep(name: str) -> None:
+    """The first seconds of each shipped scenario of a plant; the whole of them runs in the bench program."""
+    wanted = load(library() / "plants" / f"{name}.toml")
+    short = replace(wanted, duration_s=5.0, expect=wanted.expect.model_copy(update={"response": []}))
+
+    assert Verdict.PASS is ran(short).verdict
+
+
 def test_a_transfer_with_a_bump_fails() -> None:
     manual = (
         "\n[[step]]\nat = 2.0\nset = { PID_MAN = true, MOUT = 20.0 }\n[[step]]\nat = 4.0\nset = { PID_MAN = false }"

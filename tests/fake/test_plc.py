@@ -234,7 +234,7 @@ def test_mv_that_is_no_number_leaves_the_actuator_where_it_is(make_plc):
     plc.write(LOOP, "PV", float("nan"))
     plc.freeze_pv(LOOP)
     plc.advance(50 * MILLISECOND)
-    assert plc.processes[LOOP].u == 0.0
+    assert plc.processes[LOOP].rig.asked == 0.0
 
 
 def test_wrong_names_are_refused_with_the_nearest_one(make_plc):
@@ -250,7 +250,7 @@ def test_wrong_names_are_refused_with_the_nearest_one(make_plc):
         plc.write(LOOP, "CYCLE", 1.5)
 
 
-@pytest.mark.parametrize("plant", [PlantSpec("fopdt", 1.0, tau_s=0.0), PlantSpec("tank", 1.0)])
+@pytest.mark.parametrize("plant", [PlantSpec("fopdt", 1.0, tau_s=0.0), PlantSpec("vessel", 1.0)])
 def test_a_process_that_cannot_be_names_its_key(make_plc, plant):
     with pytest.raises(ProfileError, match=r"loops\.LIC-201\.fake\.plant"):
         make_plc(setups={LOOP: FakeLoop({}, plant)})

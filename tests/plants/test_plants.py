@@ -6,12 +6,14 @@ from math import e, inf, nan
 
 import numpy as np
 import pytest
-from scipy import signal
+from scipy import integrate, signal
 
 from ahgateway.plants.base import DelayLine, delayed
 from ahgateway.plants.fopdt import Fopdt
 from ahgateway.plants.integrating import Integrating
+from ahgateway.plants.second_order import SecondOrder
 from ahgateway.plants.sopdt import Sopdt
+from ahgateway.plants.tank import Tank
 
 
 def run(plant, inputs, dt_s):
@@ -87,6 +89,9 @@ def test_sopdt_with_equal_lags_follows_the_textbook_step_response():
         (Fopdt(gain=3.0, tau_s=4.0), [[-0.25]], [[0.75]]),
         (Integrating(gain=0.25), [[0.0]], [[0.25]]),
         (Sopdt(gain=2.0, tau1_s=5.0, tau2_s=1.5), [[-2 / 3, 2 / 3], [0.0, -0.2]], [[0.0], [0.4]]),
+        (SecondOrder(gain=2.0, tau_s=2.0, zeta=0.3), [[0.0, 1.0], [-0.25, -0.3]], [[0.0], [0.5]]),
+        (SecondOrder(gain=2.0, tau_s=2.0, zeta=1.0), [[0.0, 1.0], [-0.25, -1.0]], [[0.0], [0.5]]),
+        (SecondOrder(gain=2.0, tau_s=2.0, zeta=1.7), [[0.0, 1.0], [-0.25, -1.7]], [[0.0], [0.5]]),
     ],
 )
 def test_plants_agree_with_scipy_under_a_held_input(plant, a, b):
@@ -124,8 +129,42 @@ def test_a_step_backwards_or_on_no_number_is_a_bug(u, dt_s):
         lambda: Sopdt(1.0, 1.0, 0.0),
         lambda: Integrating(1.0, initial=5.0, maximum=4.0),
         lambda: Integrating(1.0, dead_time_s=-inf),
+        lambda: Tank(1.0, outflow=-0.1),
+        lambda: Tank(1.0, outflow=0.1, initial=5.0, full=4.0),
     ],
 )
 def test_a_plant_that_cannot_be_is_refused(make):
     with pytest.raises(ValueError):
         make()
+
+
+def test_a_tank_agrees_with_scipys_integrator_filling_emptying_and_near_its_balance():
+    """dh/dt = 0.02·u − 0.4·√h; its balance at u = 60 lies at h = 9."""
+    tank, inputs = Tank(gain=0.02, outflow=0.4, initial=4.0), [60.0] * 8 + [0.0] * 3 + [120.0] * 6 + [59.0] * 3
+    h, reference = 4.0, []
+    for u in inputs:
+        found = integrate.solve_ivp(
+            lambda _, y, u=u: 0.02 * u - 0.4 * np.sqrt(np.maximum(y, 0.0)), (0.0, 5.0), [h],
+            method="DOP853", rtol=1e-12, atol=1e-14,
+        )  # fmt: skip
+        h = float(found.y[0, -1])
+        reference.append(h)
+    assert run(tank, inputs, 5.0) == pytest.approx(reference, rel=1e-9)
+
+
+def test_a_tank_is_the_same_in_one_step_and_in_many():
+    once = run(Tank(gain=0.02, outflow=0.4, dead_time_s=1.3, initial=4.0), [80.0], 7.0)[-1]
+    often = run(Tank(gain=0.02, outflow=0.4, dead_time_s=1.3, initial=4.0), [80.0] * 700, 0.01)[-1]
+    assert often == pytest.approx(once, rel=1e-11)
+
+
+def test_a_tank_runs_dry_in_the_time_that_torricelli_gives_and_stays_so():
+    # √h falls evenly by c/2 per second: from 4 to 0 in 2·2/0.4 = 10 s, to 1 in 5 s.
+    assert run(Tank(gain=1.0, outflow=0.4, initial=4.0), [0.0, 0.0, 0.0], 5.0) == [pytest.approx(1.0), 0.0, 0.0]
+    assert run(Tank(gain=1.0, outflow=0.4, bias=-1.0, initial=4.0), [0.0], 60.0) == [0.0]
+    assert run(Tank(gain=1.0, outflow=0.4, bias=-1.0), [0.0], 1.0) == [0.0]
+
+
+def test_a_tank_overflows_at_full_and_fills_from_empty_towards_its_balance():
+    assert run(Tank(gain=1.0, outflow=0.4, full=6.0), [5.0], 60.0) == [6.0]
+    assert run(Tank(gain=0.02, outflow=0.4), [60.0], 1e4) == [pytest.approx(9.0, rel=1e-12)]

@@ -46,6 +46,19 @@ def test_a_scenario_is_read() -> None:
     assert ("fopdt", 1.2, 3.0) == (scenario.plant.kind, scenario.plant.gain, scenario.plant.tau_s)
 
 
+def test_a_load_needs_a_plant_to_act_on() -> None:
+    bare = STEP.replace('plant = { kind = "fopdt", gain = 1.2, tau_s = 3.0 }', "")
+
+    assert 3.5 == parse(STEP.replace("set = { SV = 60.0 }", "load = 3.5"), "s.toml", "mine/s").actions[0].load
+    assert "step.0.load: acts on a plant" in refusal(bare.replace("set = { SV = 60.0 }", "load = 3.5")).message
+
+
+def test_what_only_delta_has_is_not_expected_of_others() -> None:
+    other = STEP.replace("DPID", "PID_REG_CE").replace("SV = 50.0\nCYCLE = 10", "").replace("SV = 60.0", "KP = 2.0")
+
+    assert "expect.clamps: is told of DPID and DPIDE only, not of PID_REG_CE" in refusal(other).message
+
+
 def test_the_time_line_is_put_in_order() -> None:
     late = STEP + "\n[[step]]\nat = 2.0\nset = { Kp = 2.0 }\n"
 
@@ -67,11 +80,15 @@ def test_a_sensor_may_deliver_no_number() -> None:
         ('"DPID"', '"DPIDF"', 'step.toml: instruction: "DPIDF" cannot be checked, allowed are DPID, DPIDE', "did you"),
         ("at = 5.0", "at = 15.0", "step.toml: step.0.at: is 15, but the scenario ends at 10", None),
         ("set = { SV = 60.0 }", "ramp = { SV = 60.0 }", "step.toml: step.0.until: is missing, a ramp needs", None),
-        ("set = { SV = 60.0 }", "", "step.toml: step.0: does nothing", "give it set, ramp or do"),
+        ("set = { SV = 60.0 }", "", "step.toml: step.0: does nothing", "give it set, ramp, load or do"),
         ("set = { SV = 60.0 }", 'do = "halt"', 'step.toml: step.0.do: "halt" is not known', None),
         (", tau_s = 3.0", "", "step.toml: plant.tau_s: is missing, a plant of kind fopdt needs it", None),
         ('kind = "fopdt"', 'kind = "sopdt"', "step.toml: plant.tau2_s: is missing", None),
         ("clamps = true", 'shadow = "ulp"', "step.toml: expect.ulp_max: is missing", None),
+        (", tau_s = 3.0", ", tau_s = 3.0, zeta = 0.5", "plant.zeta: means nothing for a plant of kind fopdt", None),
+        (", tau_s = 3.0", ", tau_s = 3.0, backlash = 1.0", "plant.backlash: belongs to a motor valve", "add stroke_s"),
+        (", tau_s = 3.0", ", tau_s = 3.0, span = [9.0, 1.0]", "plant.span: 9 is not below 1", None),
+        (", tau_s = 3.0", ", tau_s = 3.0, stroke_s = 9.0, pwm_s = 1.0", "plant.pwm_s: is given", "leave out one"),
         ("clamps = true", "recovery = 1.0", "step.toml: expect.recovery: has nothing to recover from", None),
     ],
 )

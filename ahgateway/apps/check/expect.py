@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import Any
 
 from ahgateway.apps.check.result import Outcome, State
-from ahgateway.apps.check.run import Moment, Seen
+from ahgateway.apps.check.watch import Moment, Seen
 from ahgateway.core.real import same_bits
 from ahgateway.core.verdict import Exit, Proof, Verdict, outcome, reason
 from ahgateway.lockstep.follow import computes
@@ -72,21 +72,17 @@ def _first_diverged(seen: Seen) -> tuple[Moment, Any] | None:
     return None
 
 
-def _mv(moment: Moment) -> float:
-    return float(moment.picture.seen["MV"])
-
-
 def _bumpless(within: float, seen: Seen) -> Outcome:
     """Behind each transfer from manual: MV of the first execution in automatic against MV in manual."""
     worst, at_s, count = 0.0, None, 0
     manual: float | None = None
     for before, after in pairwise(seen.moments):
         if before.picture.inputs.pid_man and not after.picture.inputs.pid_man:
-            manual = _mv(before)
+            manual = before.mv
         if after.picture.inputs.pid_man:
             manual = None
         if manual is not None and after.executions:
-            moved = abs(_mv(after) - manual)
+            moved = abs(after.mv - manual)
             count, manual = count + 1, None
             if not moved <= worst:
                 worst, at_s = moved, after.t_s
@@ -106,7 +102,7 @@ def _clamps(seen: Seen) -> Outcome:
         if not computes(seen.loop, after.picture):
             continue
         low, high = sorted((float(inputs.mv_min), float(inputs.mv_max)))
-        beyond = max(low - _mv(after), _mv(after) - high)
+        beyond = max(low - after.mv, after.mv - high)
         count += 1
         if not beyond <= worst:
             worst, at_s = beyond, after.t_s
@@ -133,7 +129,7 @@ def _quiet(seen: Seen) -> Outcome:
         # What brought PV into the band, D above all, dies away first.
         if executed < QUIET_AFTER:
             continue
-        mv = _mv(moment)
+        mv = moment.mv
         if last is not None and not abs(mv - last) <= worst:
             worst, at_s = abs(mv - last), moment.t_s
         last = mv
@@ -211,12 +207,12 @@ def _response(name: str, window: ResponseForm, seen: Seen, duration_s: float) ->
 
 
 def _step_of(first: Moment, inside: Sequence[Moment]) -> float:
-    return float(inside[-1].picture.inputs.sv) - float(first.picture.inputs.sv)
+    return inside[-1].sv - first.sv
 
 
 def _errors(inside: Sequence[Moment]) -> list[tuple[float, float]]:
     """Times, and PV - SV at them."""
-    return [(each.t_s, float(each.picture.inputs.pv) - float(each.picture.inputs.sv)) for each in inside]
+    return [(each.t_s, each.pv - each.sv) for each in inside]
 
 
 def _overshoot(name: str, window: ResponseForm, first: Moment, inside: Sequence[Moment]) -> Outcome:
@@ -262,12 +258,12 @@ def _steady(name: str, window: ResponseForm, first: Moment, inside: Sequence[Mom
 
 
 def _direction(name: str, window: ResponseForm, first: Moment, inside: Sequence[Moment]) -> Outcome:
-    start = _mv(first)
-    moved = next((each for each in inside if _mv(each) != start), None)
+    start = first.mv
+    moved = next((each for each in inside if each.mv != start), None)
     if moved is None:
         return Outcome(name, State.UNKNOWN, f"MV stood still at {start:g}")
-    way = "up" if _mv(moved) > start else "down"
-    text = f"MV went {way} from {start:.5g} to {_mv(moved):.5g}, wanted is {window.direction}"
+    way = "up" if moved.mv > start else "down"
+    text = f"MV went {way} from {start:.5g} to {moved.mv:.5g}, wanted is {window.direction}"
     return Outcome(name, _state(way == window.direction), text, None, moved.t_s)
 
 

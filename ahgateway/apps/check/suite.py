@@ -14,7 +14,8 @@ from fnmatch import fnmatchcase
 
 from ahgateway.apps.check.expect import judged
 from ahgateway.apps.check.result import Outcome, Result, State, Verdict, concluded, excused
-from ahgateway.apps.check.run import Bench, Seen, run
+from ahgateway.apps.check.run import Bench, run
+from ahgateway.apps.check.watch import Seen
 from ahgateway.clock import SECOND, Clock
 from ahgateway.errors import AhGatewayError
 from ahgateway.schema.scenario import KnownForm, Scenario
@@ -60,7 +61,7 @@ async def floor_of(scenario: Scenario, bench: Bench, seed: int, wall: Clock) -> 
 
 def _apart(first: Seen, second: Seen) -> float:
     pairs = zip(first.moments, second.moments, strict=False)
-    return max((abs(float(a.picture.seen["MV"]) - float(b.picture.seen["MV"])) for a, b in pairs), default=0.0)
+    return max((abs(a.mv - b.mv) for a, b in pairs), default=0.0)
 
 
 async def results(
@@ -122,9 +123,9 @@ def trace_of(seen: Seen) -> dict[str, list[float]]:
     kept = seen.moments[::every]
     return {
         "t": [each.t_s for each in kept],
-        "SV": [float(each.picture.inputs.sv) for each in kept],
-        "PV": [float(each.picture.inputs.pv) for each in kept],
-        "MV": [float(each.picture.seen["MV"]) for each in kept],
+        "SV": [each.sv for each in kept],
+        "PV": [each.pv for each in kept],
+        "MV": [each.mv for each in kept],
     }
 
 
