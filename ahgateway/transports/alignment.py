@@ -18,6 +18,8 @@ ASSUMED no reply is later than `HORIZON_TIMEOUTS`.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from ahgateway.codec.access import Read, Request
 from ahgateway.transports.pdu import READ_BITS_MAX, READ_WORDS_MAX
 
@@ -29,6 +31,12 @@ NEAR_SIZE = 2
 
 _WORDS = (7, 5, 3, 11, 13, 9, 1, 2, 4, 6, 8, 10, *range(12, READ_WORDS_MAX + 1))
 """Counts of a probe in order of preference: short, and odd, which block reads of 32-bit values seldom are."""
+
+
+def _ranked(known: int, most: int) -> Iterator[int]:
+    """Yield counts up to `most`; what is not above a read that worked lies surely inside the map and comes first."""
+    yield from (count for count in _WORDS if count <= known)
+    yield from (count for count in _WORDS if known < count <= most)
 
 
 class Alignment:
@@ -70,15 +78,12 @@ class Alignment:
             step, function = 8, {"coil": 1, "discrete input": 2}[table.value]
         size = 1 if table.is_bits else 2
         count_max = (READ_BITS_MAX // 8) if table.is_bits else READ_WORDS_MAX
-        known = place.count // step if type(place) is Read else 1
-        room = (0x10000 - address) // step
-        fits = [count for count in _WORDS if count <= min(count_max, room)]
-        # What is smaller than a read that worked lies surely inside the map.
-        ranked = [count for count in fits if count <= known] + [count for count in fits if count > known]
+        most = min(count_max, (0x10000 - address) // step)
+        known = min(most, place.count // step if type(place) is Read else 1)
         owed = [head[1] for head in ghosts if head[0] == function]
         # Not even near a ghost: a unit that miscounts by one must not be taken for one that answers the probe.
         for distance in (NEAR_SIZE, 0):
-            for count in ranked:
+            for count in _ranked(known, most):
                 if all(abs(count * size - each) > distance for each in owed):
                     return Read(request.unit, table, address, count * step)
         oldest = min(ghosts, key=lambda head: ghosts[head])

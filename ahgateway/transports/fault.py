@@ -210,6 +210,8 @@ class FaultyWire:
 
     def _spoiled(self, frame: bytes) -> list[Piece]:
         fault, rng = self.fault, self.script.random
+        if fault is None:
+            return [Piece(0, frame)]
         place = rng.randrange(1, len(frame)) if len(frame) > 1 else 0
         noise = rng.randbytes(rng.randrange(1, NOISE_SIZE_MAX + 1))
         if fault in (Fault.LOST, Fault.MERGED):
@@ -221,17 +223,13 @@ class FaultyWire:
             return [Piece(0, frame[:place]), Piece(rng.randint(0, SPLIT_MS_MAX) * MILLISECOND, frame[place:])]
         if fault is Fault.STRAY:
             return [Piece(0, frame + self._older)]
-        data = (
-            {
-                Fault.DUPLICATED: frame + frame,
-                Fault.TRUNCATED: frame[:place],
-                Fault.CORRUPTED: frame[:place] + bytes((frame[place] ^ 1 << rng.randrange(8),)) + frame[place + 1 :],
-                Fault.NOISE_BEFORE: noise + frame,
-                Fault.NOISE_AFTER: frame + noise,
-            }.get(fault)
-            if fault is not None
-            else frame
-        )
+        data = {
+            Fault.DUPLICATED: frame + frame,
+            Fault.TRUNCATED: frame[:place],
+            Fault.CORRUPTED: frame[:place] + bytes((frame[place] ^ 1 << rng.randrange(8),)) + frame[place + 1 :],
+            Fault.NOISE_BEFORE: noise + frame,
+            Fault.NOISE_AFTER: frame + noise,
+        }.get(fault)
         if data is None:
             data = self._noise_inside(frame, place) if fault is Fault.NOISE_INSIDE else self._lie(frame)
         return [Piece(0, data)]

@@ -15,8 +15,6 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from transports.faulty_line import WIRES, History, broken_laws
 
-EXCHANGES = 12
-
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
@@ -28,7 +26,7 @@ def main() -> int:
     for number in range(arguments.histories):
         seed, wire = arguments.first + number, wires[number % len(wires)]
         history = History(seed, wire)
-        for said in broken_laws(history, history.run(EXCHANGES), seed):
+        for said in broken_laws(history, history.run(), seed):
             broken += 1
             sys.stdout.write(said + "\n")
         frames += history.frames
