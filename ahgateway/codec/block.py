@@ -121,7 +121,15 @@ def inputs(loop: Loop, raw: Raw) -> Any:
     """Return what a step of the loop's controller reads, typed, REALs with their bits kept."""
     controller = loop.controller
     rows = {row.attr: row for row in controller.operands}
-    return controller.inputs(*[decode(rows[attr].kind, raw[rows[attr].name]) for attr in controller.input_names])
+    read = controller.inputs(*[decode(rows[attr].kind, raw[rows[attr].name]) for attr in controller.input_names])
+    return read if loop.interval_ms is None else timed(loop, read)
+
+
+def timed(loop: Loop, read: Any) -> Any:
+    """Return inputs with the interval of the loop's task in place of CYCLE, which has no effect there."""
+    assert loop.interval_ms is not None
+    unit_s = float(loop.controller.nominal_ts(read._replace(cycle=1)))
+    return read._replace(cycle=round(loop.interval_ms / 1000 / unit_s))
 
 
 def seen(loop: Loop, raw: Raw) -> dict[str, Any]:
@@ -131,6 +139,56 @@ def seen(loop: Loop, raw: Raw) -> dict[str, Any]:
         if not isinstance(loop.bindings[each.operand], Const):
             words = raw[each.operand]
             found[each.name] = decode(each.kind, words[2 * each.dword :])
+    return found
+
+
+def field_words(loop: Loop, name: str) -> int:
+    """Return how many words a recorded field takes: an operand, a seen value, or `EN`; 0 for a bit.
+
+    Raises:
+        CodecError: The loop has nothing of that name that a record could hold.
+    """
+    if name == EN:
+        return 0
+    for each in loop.controller.seen:
+        if each.name == name:
+            return {Kind.BOOL: 0, Kind.INT: 1}.get(each.kind, 2)
+    row = _row(loop, name)
+    if row.kind is Kind.BLOCK:
+        parts = ", ".join(each.name for each in loop.controller.seen if each.operand == name)
+        raise CodecError(f"loop {loop.name}: {name} is the instruction's memory; a record holds {parts} of it")
+    return row.words
+
+
+def from_fields(
+    loop: Loop, fields: Mapping[str, tuple[int, ...]], beside: Mapping[str, tuple[int, ...]]
+) -> dict[str, tuple[int, ...]]:
+    """Return the raw words of every operand from a record; words of the instruction's memory that it lacks are 0.
+
+    Args:
+        loop: The loop.
+        fields: What the record holds, by name.
+        beside: What was read beside it, by name.
+    """
+    found: dict[str, tuple[int, ...]] = {}
+    parts: dict[str, list[tuple[int, tuple[int, ...]]]] = {}
+    for each in loop.controller.seen:
+        if each.name in fields:
+            parts.setdefault(each.operand, []).append((2 * each.dword, fields[each.name]))
+    for row in loop.controller.operands:
+        binding = loop.bindings[row.name]
+        if isinstance(binding, Const):
+            found[row.name] = encode(row.kind, binding.value)
+        elif row.kind is Kind.BLOCK:
+            words = [0] * row.words
+            for at, part in parts.get(row.name, ()):
+                words[at : at + len(part)] = part
+            found[row.name] = tuple(words)
+        else:
+            found[row.name] = fields[row.name] if row.name in fields else beside[row.name]
+    for name, bound in ((EN, loop.en), (COUNTER, loop.counter)):
+        if bound is not None:
+            found[name] = fields.get(name) or beside.get(name) or (int(name == EN),)
     return found
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 from ahgateway.codec.can_objects import CanMap
 from ahgateway.codec.devices import Device, DeviceMap
+from ahgateway.codec.ways import Each, Recorder, Trigger, Way
 from ahgateway.core.controllers import Controller
 
 
@@ -104,6 +105,11 @@ class Loop:
         pv_held: PV's register holds still from one execution to the next, so that it shows what was read; None: as
             usual for the controller.
         lease: The lease that the PLC keeps, None when it holds no such snippet.
+        interval_ms: Period of the interval task in which the instruction stands: every call executes, and this is the
+            sampling time whatever CYCLE says (MANUAL, spec ah500 §1.4); None in the cyclic task.
+        recorder: Where the PLC records every scan or call; None where it records nothing.
+        trigger: What lets one execution through at a time; None where the instruction runs by itself.
+        way: How its executions are seen; `COUNTED` is what `POLLED` comes to when it is slower than CYCLE.
     """
 
     name: str
@@ -122,10 +128,19 @@ class Loop:
     counter: Device | None = None
     pv_held: bool | None = None
     lease: LeaseSpec | None = None
+    interval_ms: int | None = None
+    recorder: Recorder | None = None
+    trigger: Trigger | None = None
+    way: Way = Way.POLLED
 
     def __post_init__(self) -> None:
         if self.dialect is None:
             object.__setattr__(self, "dialect", self.controller.dialect)
+
+    @property
+    def is_called(self) -> bool:
+        """True when each record is exactly one execution."""
+        return self.recorder is not None and self.recorder.each is Each.CALL
 
     @property
     def holds_pv(self) -> bool:

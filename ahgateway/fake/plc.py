@@ -32,6 +32,7 @@ from ahgateway.fake.memory import BUSY, BitCell, Limits, Memory
 from ahgateway.fake.process import Process
 from ahgateway.fake.program import Execution, PidItem
 from ahgateway.fake.rigs import DEFAULT_PLANT
+from ahgateway.fake.task import Task, is_plain
 
 ALWAYS_ON, ALWAYS_OFF, FIRST_ON, FIRST_OFF, IS_RUNNING = 400, 401, 402, 403, 215
 """Numbers of the SM flags (ASSUMED, spec ah500 §3.6)."""
@@ -122,6 +123,9 @@ class FakePlc:
             loop.name: _item_type(loop)(loop, self.memory, self._rng, log_max=log_max, is_restless=is_restless)
             for loop in station.loops
         }
+        first = self._flags.get(FIRST_ON)
+        self._tasks = [Task(item, self.memory, first) for item in self.items.values()]
+        self._program = [task.item.scan if is_plain(task.item.loop) else task.run for task in self._tasks]
         self.processes: dict[str, Process] = {}
         self._sensed: list[Process] = []
         setups = setups or {}
@@ -150,8 +154,8 @@ class FakePlc:
             return
         for process in self._sensed:
             process.sense()
-        for item in self.items.values():
-            item.scan(self.now_ns, elapsed)
+        for run in self._program:
+            run(self.now_ns, elapsed)
         for process in self.processes.values():
             process.drive()
         self.scans += 1
@@ -230,8 +234,8 @@ class FakePlc:
         """Cut the power: what stands in no register is lost, and all registers too unless they are retained."""
         if not is_retained:
             self.memory.clear()
-        for item in self.items.values():
-            item.power_up()
+        for task in self._tasks:
+            task.power_up(is_retained=is_retained)
         self.is_running = True
         self._is_first_scan = True
         self._show_mode()

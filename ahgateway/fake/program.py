@@ -3,7 +3,8 @@
 This file alone decides the schedule of executions (spec §1.1): time is gathered scan by scan, an execution is due
 when it reaches the sampling time, the excess is carried over, and whatever would make the next one due at once is
 dropped. While EN is off nothing is executed and no time is gathered (ASSUMED, spec A.8/12). The dialect's axes of the
-schedule change this where they say so, and hand in the measured interval, on the clock's grid, instead of CYCLE.
+schedule change this where they say so, and hand in the measured interval, on the clock's grid, instead of CYCLE. In an
+interval task every call is an execution.
 """
 
 from __future__ import annotations
@@ -159,6 +160,8 @@ class PidItem:
             inputs = self.wiring.inputs()
             self._ts_ns = round(float(self.loop.controller.nominal_ts(inputs)) * 1e9 / TIME_GRID_NS) * TIME_GRID_NS
             self._note_run(inputs)
+        if self.loop.interval_ms is not None:
+            return True
         if self._is_first:
             self._is_first = False
             if dialect.first_call == FirstCall.AFTER_CYCLE:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
-from ahgateway.codec.block import address
+from ahgateway.codec.block import address, timed
 from ahgateway.codec.block import defaults as block_defaults
 from ahgateway.codec.station import Const, Loop
 from ahgateway.codec.words import decode, encode
@@ -54,7 +54,8 @@ class Wiring:
 
     def inputs(self) -> Any:
         """Read what a step reads: the controller's NamedTuple, REALs with their bits kept."""
-        return self.loop.controller.inputs(*[read() for read in self._inputs])
+        read = self.loop.controller.inputs(*[read() for read in self._inputs])
+        return read if self.loop.interval_ms is None else timed(self.loop, read)
 
     def recalled(self, state: Any) -> Any:
         """Return the state with every part that stands in memory taken from there."""

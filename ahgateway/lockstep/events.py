@@ -23,3 +23,18 @@ class Finding:
     text: str
     hint: str = ""
     is_over: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """Executions of which nothing will ever be seen: records that were overwritten or torn, a gap in the ring.
+
+    Attributes:
+        executions: How many, as far as it can be told.
+        records: Records lost; 0 where none was, but what the instruction remembers is not known any more.
+        why: One sentence.
+    """
+
+    executions: float
+    records: int
+    why: str

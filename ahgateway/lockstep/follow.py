@@ -23,7 +23,7 @@ from ahgateway.core.verdict import Counts, Verdict
 from ahgateway.lockstep.call_shadow import changed as changed_beside_calls
 from ahgateway.lockstep.calls import Calls
 from ahgateway.lockstep.causes import Suspect, agreeing
-from ahgateway.lockstep.events import Change, Finding
+from ahgateway.lockstep.events import Change, Finding, Lost
 from ahgateway.lockstep.judge import Execution, judge
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import (
@@ -46,7 +46,7 @@ WRITABLE = frozenset({"MOUT", "I_MV"})
 """Seen words that the manual lets people write: a change of these alone need not be an execution."""
 
 
-Event = Execution | Change | Finding
+Event = Execution | Change | Finding | Lost
 
 
 class Follower:
@@ -86,6 +86,13 @@ class Follower:
             expected=max(counted, int(self._expected)) + self.counts.link,
         )
 
+    def take(self, found: Picture | Lost) -> list[Event]:
+        """Take the next picture, or the news that some executions will never be seen."""
+        if isinstance(found, Picture):
+            return self.see(found)
+        self.lost(found.executions)
+        return [found]
+
     def see(self, picture: Picture) -> list[Event]:
         """Take the next picture and return what happened since the one before, in order."""
         before, self.picture = self.picture, picture
@@ -101,7 +108,11 @@ class Follower:
         if self._calls is not None:
             return [*events, *self._called(self._calls, before, picture)]
         changed = {name for name in judged_names(self.loop) if not same_bits(before.seen[name], picture.seen[name])}
-        if not changed:
+        counted = picture.executions
+        if counted is not None and counted[0] > 0:
+            events.append(self._execution(before, picture))
+            events.extend(self._stale_pv(before, picture))
+        elif not changed:
             events.extend(self._nothing_changed(before, picture))
         elif changed == {"MOUT"} or (changed <= WRITABLE and self._is_written(before, picture)):
             events.extend(self._written(before, picture, changed))
@@ -150,7 +161,8 @@ class Follower:
     def _stale_pv(self, before: Picture, after: Picture) -> list[Finding]:
         """The PV that the instruction recorded is not what the register holds, though that stood still meanwhile."""
         recorded = [word.name for word in self.loop.controller.seen if word.attr == "pv1"]
-        if not recorded or not computes(self.loop, after) or not same_bits(before.inputs.pv, after.inputs.pv):
+        still = after.is_exact or same_bits(before.inputs.pv, after.inputs.pv)
+        if not recorded or not computes(self.loop, after) or not still:
             return []
         used, held = after.seen[recorded[0]], after.inputs.pv
         detail = f"{recorded[0]} records {float(used):g}, PV holds {float(held):g}"
@@ -200,6 +212,10 @@ class Follower:
 
     def _executions_max(self, before: Picture, after: Picture) -> int:
         """How many executions fit between the first request of one picture and the last reply of the next."""
+        by_time = self._by_time(before, after)
+        return by_time if after.executions is None else min(by_time, after.executions[1])
+
+    def _by_time(self, before: Picture, after: Picture) -> int:
         interval = cycle_ns(self.loop, after)
         apart = max(interval - self.loop.scan_ms_max * MILLISECOND, interval // 2)
         start = before.sent_ns

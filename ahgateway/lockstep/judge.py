@@ -92,7 +92,7 @@ def judge(
     """
     if 1 in (before.inputs.pid_mode, after.inputs.pid_mode):
         return Execution(Verdict.UNOBSERVABLE, reason=TUNING, inputs=after.inputs), ()
-    fresh = recalled(loop, (after.inputs, before.inputs), after.seen)
+    fresh = recalled(loop, (after.inputs,) if after.is_exact else (after.inputs, before.inputs), after.seen)
     if not shadow:
         if executions_max > 1:
             return Execution(Verdict.UNOBSERVABLE, reason=SEVERAL, inputs=after.inputs, count=executions_max), fresh

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ahgateway.clock import Clock
+from ahgateway.clock import MILLISECOND, SECOND, Clock
 from ahgateway.codec import block
 from ahgateway.codec.access import Read, Span
 from ahgateway.codec.can_objects import CanMap
@@ -21,6 +21,7 @@ from ahgateway.codec.plan import plan
 from ahgateway.codec.station import Loop, Station
 from ahgateway.core.controllers import Controller
 from ahgateway.core.operands import Kind
+from ahgateway.lockstep.events import Lost
 from ahgateway.transports.base import Link, Reply
 
 TRIES_MAX = 4
@@ -42,6 +43,9 @@ class Picture:
         last_ns: When the last reply was complete.
         utc_ns: UTC of `last_ns`.
         aligned_since_ns: Since when the line has been proven aligned.
+        executions: Least and most executions since the picture before, where something in the PLC tells; None where
+            only time bounds them.
+        is_exact: The PLC made it directly behind the instruction: its inputs are what an execution in it read.
     """
 
     tick: int
@@ -54,12 +58,18 @@ class Picture:
     last_ns: int
     utc_ns: int
     aligned_since_ns: int
+    executions: tuple[int, int] | None = None
+    is_exact: bool = False
 
     @property
     def count(self) -> int | None:
         """What the program's counter of executions holds; None where there is none."""
         return self.words[block.COUNTER][0] if block.COUNTER in self.words else None
 
+
+POLLS_PER_CYCLE = 4
+POLL_MIN_NS = 5 * MILLISECOND
+POLL_MAX_NS = SECOND
 
 Sees = Callable[[Picture], None]
 """Shown every picture as soon as it is whole."""
@@ -147,6 +157,15 @@ class Sampler:
         self._link = link
         self._clock = clock
         self._tick = 0
+
+    async def pictures(self) -> list[Picture | Lost]:
+        """Take one picture; none when it is torn; see `picture`."""
+        found = await self.picture()
+        return [] if found is None else [found]
+
+    def poll_ns(self, cycle_ns: int) -> int:
+        """How long to wait between two pictures of a loop with this CYCLE."""
+        return min(max(cycle_ns // POLLS_PER_CYCLE, POLL_MIN_NS), POLL_MAX_NS)
 
     async def picture(self) -> Picture | None:
         """Take one picture; None when an execution fell into each of `TRIES_MAX` attempts.

@@ -14,7 +14,7 @@ reproduces the words, if there is one.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -23,7 +23,7 @@ import numpy as np
 from ahgateway.codec.station import Const, Loop
 from ahgateway.core import flags as flag
 from ahgateway.core.controllers.dpide import D_BOUND
-from ahgateway.core.dialect import CrossBand, Filter, Freeze, ManualFilter
+from ahgateway.core.dialect import Clamped, CrossBand, Filter, Freeze, Limits, ManualFilter
 from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits
 from ahgateway.lockstep.interval import intervals
 from ahgateway.lockstep.picture import Picture, predicted
@@ -186,7 +186,11 @@ def input_variants(loop: Loop, before: Picture, after: Picture) -> list[Any]:
     Each changed operand was written before or after the execution. The PV that was used is what the instruction
     recorded, or what the register held at either end where it records none.
     """
-    changed = changed_inputs(loop, before, after)
+    if after.is_exact:
+        changed = [name for name in changed_inputs(loop, before, after) if name in written_back(loop, after)]
+        before = after if not changed else replace(before, inputs=_unchanged(before, after, changed))
+    else:
+        changed = changed_inputs(loop, before, after)
     if len(changed) <= CHANGED_MAX:
         subsets = [subset for size in range(len(changed), -1, -1) for subset in combinations(changed, size)]
         subsets.sort(key=lambda subset: min(len(subset), len(changed) - len(subset)))
@@ -213,6 +217,21 @@ def changed_inputs(loop: Loop, before: Picture, after: Picture) -> list[str]:
         and operand.attr in loop.controller.input_names
         and operand.attr != "pv"
     ]
+
+
+def written_back(loop: Loop, picture: Picture) -> frozenset[str]:
+    """Names of inputs that an execution itself can have overwritten with something else than it read."""
+    names = {"mout"} if getattr(picture.inputs, "mout_auto", False) else set()
+    if getattr(loop.dialect, "limits", None) == Limits.WRITTEN_BACK:
+        names |= {"mv_max", "mv_min"}
+    if getattr(loop.dialect, "clamped", None) == Clamped.WRITTEN_BACK:
+        names |= set(loop.controller.input_names) - {"pv"}
+    return frozenset(names)
+
+
+def _unchanged(before: Picture, after: Picture, changed: list[str]) -> Any:
+    """Inputs that are those of `after` but for what is named, which is as it was before."""
+    return after.inputs._replace(**{name: getattr(before.inputs, name) for name in changed})
 
 
 def _bits_of(value: Any) -> int:

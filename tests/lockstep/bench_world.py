@@ -17,7 +17,8 @@ from ahgateway.errors import ReplyTimeoutError
 from ahgateway.fake.plc import FakePlc
 from ahgateway.lockstep.follow import Event, Follower
 from ahgateway.lockstep.judge import Execution
-from ahgateway.lockstep.picture import Picture, Sampler
+from ahgateway.lockstep.picture import Picture
+from ahgateway.lockstep.source import Source, source
 from ahgateway.transports.base import LinkFigures, Reply
 
 DEVICES = DeviceMap(
@@ -79,19 +80,20 @@ class Watched:
     """A loop that is polled in virtual time and followed, whatever PLC and link stand behind it."""
 
     clock: VirtualClock
-    sampler: Sampler
+    sampler: Source
     follower: Follower
     poll_ns: int
     events: list[tuple[Picture, Event]]
 
     async def poll(self) -> list[Event]:
-        """Wait for one polling interval, take a picture, return what the follower makes of it."""
+        """Wait for one polling interval, look, return what the follower makes of it."""
         self.clock.advance_ns(self.poll_ns)
-        picture = await self.sampler.picture()
-        if picture is None:
-            return []
-        found = self.follower.see(picture)
-        self.events.extend((picture, event) for event in found)
+        found: list[Event] = []
+        for each in await self.sampler.pictures():
+            events = self.follower.take(each)
+            if isinstance(each, Picture):
+                self.events.extend((each, event) for event in events)
+            found.extend(events)
         return found
 
     async def follow(self, polls: int) -> list[Execution]:
@@ -146,7 +148,7 @@ class World(Watched):
         self.rng = random.Random(seed)
         self.loop = loop
         self.link = DirectLink(self.plc, self.clock, latency_ns)
-        self.sampler = Sampler(loop, self.station, self.link, self.clock)
+        self.sampler = source(loop, self.station, self.link, self.clock)
         self.follower = Follower(loop)
         self.poll_ns = poll_ms * MILLISECOND
         self.events = []

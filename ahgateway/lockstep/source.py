@@ -1,0 +1,40 @@
+"""Where the pictures of a loop come from: chosen by the way in which its executions are seen."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from ahgateway.clock import Clock
+from ahgateway.codec.station import Loop, Station
+from ahgateway.codec.ways import Way
+from ahgateway.lockstep.events import Lost
+from ahgateway.lockstep.picture import Picture, Sampler, Sees
+from ahgateway.lockstep.ring import Ring
+from ahgateway.transports.base import Link
+
+
+class Source(Protocol):
+    """Looks at one loop.
+
+    Attributes:
+        torn_count: How often a picture or record was being changed while it was read.
+    """
+
+    torn_count: int
+
+    async def pictures(self) -> list[Picture | Lost]:
+        """Look once, and return what there is, oldest first; nothing when it was torn.
+
+        Raises:
+            TransportError: The link failed.
+            PlcRefusedError: The PLC refused one of the requests.
+        """
+
+    def poll_ns(self, cycle_ns: int) -> int:
+        """How long to wait between two looks at a loop with this CYCLE."""
+
+
+def source(loop: Loop, station: Station, link: Link, clock: Clock, sees: Sees | None = None) -> Source:
+    """Return what looks at a loop in its way."""
+    kind = Ring if loop.way is Way.RECORDED else Sampler
+    return kind(loop, station, link, clock, sees)
