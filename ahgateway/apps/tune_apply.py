@@ -22,7 +22,6 @@ from ahgateway.clock import SECOND
 from ahgateway.codec.station import Loop
 from ahgateway.core.real import REAL
 from ahgateway.errors import StateError
-from ahgateway.lockstep.gate.change import TOGETHER
 from ahgateway.lockstep.gate.outcome import Plan
 from ahgateway.lockstep.gate.states import State
 from ahgateway.tuning.blocks import BLOCKS, Params
@@ -105,7 +104,9 @@ def wanted(result: Tuning, proposal: Proposal, live: Params, loop: Loop) -> tupl
             hint="the direction is wiring, not tuning: look at the loop, then change it with `ahgateway write`",
         )
     gains = {name: value for name, value in changed.items() if name in GAIN_NAMES}
-    order = [name for name in now if any(name in family for family in TOGETHER) and name in GAIN_NAMES]
+    order = [
+        name for name in now if any(name in family for family in loop.controller.roles.together) and name in GAIN_NAMES
+    ]
     places = [order.index(name) for name in gains]
     if places:
         between = order[min(places) : max(places) + 1]

@@ -230,7 +230,7 @@ class Experiment:
 
     async def _sample(self) -> Picture:
         """Wait for the next moment, take a picture, keep it, and judge it against the envelope."""
-        await self.clock.sleep_ns(self._pause_ns())
+        await self.gate.pause(self._pause_ns())
         if self.stop.is_set():
             raise StateError(f"loop {self.loop.name}: stopped; everything has been put back")
         picture = None

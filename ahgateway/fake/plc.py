@@ -1,8 +1,8 @@
 """A PLC without iron: memory, scan, program, processes, and the ways in which a real one misbehaves.
 
-One scan is inputs (the plant moves on, PV is written), program (every instruction in the profile's order), outputs
-(MV goes to the actuator). Communication happens between scans, at the scan's end. Time is the PLC's own and moves
-only in `scan`, `advance` or, when a clock was handed in, up to that clock's time before each answer.
+One scan is inputs (the plant moves on, PV is written), interval tasks that are due, program (every instruction in the
+profile's order), outputs (MV goes to the actuator). Communication happens between scans, at the scan's end. Time is the
+PLC's own and moves only in `scan`, `advance` or, when a clock was handed in, up to its time before each answer.
 
 Source:
     MANUAL order of the scan.
@@ -23,6 +23,7 @@ from ahgateway.clock import MILLISECOND, Clock
 from ahgateway.codec.access import Read, Request, Table
 from ahgateway.codec.block import address
 from ahgateway.codec.devices import Device
+from ahgateway.codec.lease_text import heartbeat
 from ahgateway.codec.station import FakeLoop, Loop, Station
 from ahgateway.core.real import quiet
 from ahgateway.errors import CodecError, PlcRefusedError, StateError
@@ -32,6 +33,7 @@ from ahgateway.fake.memory import BUSY, BitCell, Limits, Memory
 from ahgateway.fake.process import Process
 from ahgateway.fake.program import Execution, PidItem
 from ahgateway.fake.rigs import DEFAULT_PLANT
+from ahgateway.fake.structured_text import Snippet
 from ahgateway.fake.task import Task, is_plain
 
 ALWAYS_ON, ALWAYS_OFF, FIRST_ON, FIRST_OFF, IS_RUNNING = 400, 401, 402, 403, 215
@@ -83,6 +85,7 @@ class FakePlc:
         now_ns: Time since power-up, of the last scan.
         scans: Scans since power-up.
         items: The program: loop name to instruction.
+        snippets: Snippets in interval tasks: the lease of each loop that has one.
         processes: Loop name to its process, for the loops that have one.
         writes: Writes from outside, oldest first.
         refusals: Exceptions to answer with.
@@ -126,6 +129,11 @@ class FakePlc:
         first = self._flags.get(FIRST_ON)
         self._tasks = [Task(item, self.memory, first) for item in self.items.values()]
         self._program = [task.item.scan if is_plain(task.item.loop) else task.run for task in self._tasks]
+        self.snippets = [
+            Snippet(heartbeat(station, loop), self.memory, loop.lease.task_ms * MILLISECOND)
+            for loop in station.loops
+            if loop.lease is not None
+        ]
         self.processes: dict[str, Process] = {}
         self._sensed: list[Process] = []
         setups = setups or {}
@@ -154,6 +162,8 @@ class FakePlc:
             return
         for process in self._sensed:
             process.sense()
+        for snippet in self.snippets:
+            snippet.scan(elapsed)
         for run in self._program:
             run(self.now_ns, elapsed)
         for process in self.processes.values():
@@ -236,6 +246,8 @@ class FakePlc:
             self.memory.clear()
         for task in self._tasks:
             task.power_up(is_retained=is_retained)
+        for snippet in self.snippets:
+            snippet.power_up()
         self.is_running = True
         self._is_first_scan = True
         self._show_mode()

@@ -171,7 +171,7 @@ class _Test:
                 picture = None
             if picture is not None:
                 break
-            await self.clock.sleep_ns(self._poll_ns)
+            await self.gate.pause(self._poll_ns)
         self.pictures.append(picture)
         try:
             self.gate.look(picture)
@@ -199,7 +199,7 @@ class _Test:
         ends_ns = self.clock.now_ns() + duration_ns
         found = []
         while self.clock.now_ns() < ends_ns:
-            await self.clock.sleep_ns(self._poll_ns)
+            await self.gate.pause(self._poll_ns)
             found.append(await self.look())
         return found
 
@@ -244,7 +244,7 @@ class _Test:
         ends_ns = self.clock.now_ns() + self.bounds.answer_ns
         run: list[float] = []
         while self.clock.now_ns() < ends_ns:
-            await self.clock.sleep_ns(self._poll_ns)
+            await self.gate.pause(self._poll_ns)
             picture = await self.look()
             elapsed = (picture.last_ns - start_ns) / SECOND
             away = float(picture.inputs.pv) - (line[0] + line[1] * elapsed)

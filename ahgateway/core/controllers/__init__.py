@@ -17,7 +17,18 @@ from ahgateway.core.controllers import (
 from ahgateway.core.controllers.controller import Controller, Roles, Seen, replaced
 from ahgateway.core.operands import Access, Kind
 
-__all__ = ["CONTROLLERS", "DPID", "DPIDE", "MELSEC_PID", "PID_REG_CE", "PID_TEMP", "Controller", "Seen", "replaced"]
+__all__ = [
+    "CONTROLLERS",
+    "DPID",
+    "DPIDE",
+    "MELSEC_PID",
+    "PID_REG_CE",
+    "PID_TEMP",
+    "Controller",
+    "Roles",
+    "Seen",
+    "replaced",
+]
 
 DPID = Controller(
     "DPID",
@@ -75,10 +86,12 @@ MELSEC_PID = Controller(
         computed=("MV",),
         writable=frozenset(),
         starts="known from the moment its contact EN is seen off, at once where filter and derivative are off",
+        place="MV",
         modes=("EN",),
         manual="",
         mout="",
         follows="",
+        together=(frozenset({"KP", "TI", "KD", "TD"}), frozenset({"S22", "S23"})),
     ),
     computes=begins.melsec_computes,
     tunes=begins.melsec_tunes,
@@ -114,11 +127,13 @@ PID_REG_CE = Controller(
         writable=frozenset(),
         held=True,
         starts="known from the moment OSTANOV is seen on: between two series, or in manual",
+        place="Y",
         modes=("REG_AVT", "IN_OPEN_R", "IN_CLOSE_R"),
         manual="REG_AVT",
         is_manual_when=False,
         mout="",
         follows="",
+        together=(frozenset({"KP", "TN", "TV"}),),
     ),
     computes=begins.always,
     tunes=begins.never,
@@ -162,10 +177,16 @@ PID_TEMP = Controller(
         held=True,
         published_pv="ScaledInput",
         starts="known from State 0 or manual on, or from an execution of the law; pulses from State 0 on",
+        place="PidOutputSum",
         modes=("Mode", "ModeActivate", "Reset", "ManualEnable"),
         manual="ManualEnable",
         mout="ManualValue",
         follows="",
+        together=tuple(
+            frozenset(f"{side}_{name}" for name in names)
+            for side in ("Heat", "Cool")
+            for names in (("Gain", "Ti", "Td", "TdFiltRatio"), ("PidUpperLimit", "PidLowerLimit"))
+        ),
     ),
     computes=begins.always,
     tunes=begins_temp.tunes,

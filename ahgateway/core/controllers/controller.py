@@ -87,6 +87,8 @@ class Roles:
         is_manual_when: What `manual` holds in manual.
         mout: Operand with the manual value; empty when there is none.
         follows: Operand that lets `mout` follow the output in automatic while it is TRUE; empty when there is none.
+        place: Operand whose place tells this block from all others: no two blocks can share it.
+        together: Operands of which several in one write must land in one request.
     """
 
     sv: str = "SV"
@@ -103,6 +105,12 @@ class Roles:
     is_manual_when: bool = True
     mout: str = "MOUT"
     follows: str = "MOUT_AUTO"
+    place: str = "I_MV"
+    together: tuple[frozenset[str], ...] = (
+        frozenset({"MV_MAX", "MV_MIN"}),
+        frozenset({"Kp", "Ki", "Kd"}),
+        frozenset({"Kc_Kp", "Ti_Ki", "Td_Kd", "Tf"}),
+    )
 
 
 def _delta_computes(inputs: Any) -> bool:

@@ -24,16 +24,10 @@ from ahgateway.codec.access import Span, Write
 from ahgateway.codec.block import Raw
 from ahgateway.codec.station import Const, Loop, Station, WriteLimit
 from ahgateway.codec.words import decode, encode
+from ahgateway.core.controllers import Roles
 from ahgateway.core.operands import Access, Kind
 from ahgateway.core.real import REAL
 from ahgateway.errors import StateError
-
-TOGETHER = (
-    frozenset({"MV_MAX", "MV_MIN"}),
-    frozenset({"Kp", "Ki", "Kd"}),
-    frozenset({"Kc_Kp", "Ti_Ki", "Td_Kd", "Tf"}),
-)
-"""Operands of which several in one write must land in one request: half of them would be another controller."""
 
 SYSTEM = frozenset({"SM", "SR"})
 """Kinds of device that hold RUN and STOP, communication and the rest of the system: never written."""
@@ -249,7 +243,7 @@ def _trimmed(group: list[Item]) -> list[Item]:
 
 
 def _check_together(loop: Loop, groups: Sequence[Sequence[Item]]) -> None:
-    for family in TOGETHER:
+    for family in loop.controller.roles.together:
         parts = [group for group in groups if any(each.operand in family and each.old != each.new for each in group)]
         if len(parts) > 1:
             names = [each.operand for group in parts for each in group if each.operand in family]
@@ -268,22 +262,28 @@ def _step(station: Station, group: Sequence[Item]) -> Step:
 def stages(loop: Loop, values: Mapping[str, Any], now: Raw) -> list[dict[str, Any]]:
     """Order what is wanted so that every moment between two requests is a legal one.
 
-    Into manual: MOUT takes over MV first, then PID_MAN, then the rest, a wanted MOUT last. Out of manual: PID_MAN last.
-    A MOUT of None stands for the MV of that moment.
+    Into manual: the manual value takes over the output first, then the loop goes to manual, then the rest, a wanted
+    manual value last. Out of manual: the loop goes back last. A manual value of None stands for the output of then.
     """
-    rest = {name: value for name, value in values.items() if name not in ("PID_MAN", "MOUT")}
-    mout = {"MOUT": values["MOUT"]} if "MOUT" in values else {}
-    if "PID_MAN" not in values:
+    roles = loop.controller.roles
+    rest = {name: value for name, value in values.items() if name not in (roles.manual, roles.mout)}
+    mout = {roles.mout: values[roles.mout]} if roles.mout in values else {}
+    if roles.manual not in values:
         return [{**rest, **mout}]
-    was, wanted = bool(now["PID_MAN"][0]), bool(values["PID_MAN"])
+    man = {roles.manual: values[roles.manual]}
     found: list[dict[str, Any]]
-    if wanted and not was:
-        found = [{"MOUT": None}, {"PID_MAN": True}, rest, mout]
+    if bool(man[roles.manual]) is roles.is_manual_when and not in_manual(roles, now):
+        found = [{roles.mout: None} if roles.mout else {}, man, rest, mout]
     else:
-        found = [rest, mout, {"PID_MAN": wanted}]
+        found = [rest, mout, man]
     return [stage for stage in found if stage]
 
 
-def follows_mv(loop: Loop, now: Raw) -> bool:
-    """Tell whether the instruction itself writes MOUT now, so that nobody else can."""
-    return bool(now["MOUT_AUTO"][0]) and not now["PID_MAN"][0]
+def in_manual(roles: Roles, now: Raw) -> bool:
+    """Tell whether the loop is in manual; False where the controller has none."""
+    return bool(roles.manual) and bool(now[roles.manual][0]) is roles.is_manual_when
+
+
+def follows_mv(roles: Roles, now: Raw) -> bool:
+    """Tell whether the instruction itself writes the manual value now, so that nobody else can."""
+    return bool(roles.follows) and bool(now[roles.follows][0]) and not in_manual(roles, now)

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +23,16 @@ from ahgateway.clock import SECOND, Clock
 from ahgateway.codec import block
 from ahgateway.codec.block import Raw
 from ahgateway.codec.station import Loop, Station
+from ahgateway.codec.words import decode
 from ahgateway.errors import AhGatewayError, PlcRefusedError, StateError, TransportError
-from ahgateway.lockstep.gate import change
+from ahgateway.lockstep.gate import change, checks, planning
 from ahgateway.lockstep.gate.change import Item, Step, shown
 from ahgateway.lockstep.gate.journal import Journal, Told
 from ahgateway.lockstep.gate.lease import Lease
-from ahgateway.lockstep.gate.outcome import Plan, Restored, conflict_text
+from ahgateway.lockstep.gate.outcome import Plan, Restored
+from ahgateway.lockstep.gate.plc_lease import PlcLease
 from ahgateway.lockstep.gate.scratch import with_scratch
-from ahgateway.lockstep.gate.session import Conflict, Session, decide, last_session, words_json
+from ahgateway.lockstep.gate.session import Session, decide, last_session, replayed, words_json
 from ahgateway.lockstep.gate.states import Event, State, after
 from ahgateway.lockstep.gate.wire import Wire
 from ahgateway.lockstep.picture import Picture, Sees
@@ -47,7 +49,7 @@ RESTORE_RETRY_NS = SECOND // 2
 def identity(station: Station, loop: Loop) -> str:
     """Return what tells one loop of one PLC from all others, whatever people call them: 16 hexadecimal digits."""
     base = station.target.partition("?")[0].rstrip("/").lower()
-    place = block.address(loop, station.devices, "I_MV")
+    place = block.address(loop, station.devices, loop.controller.roles.place)
     text = f"{base} {station.unit} {place.table.value} {place.address}"
     return hashlib.sha256(text.encode("utf-8")).hexdigest()[:16]
 
@@ -90,6 +92,7 @@ class Gate:
         sees: Sees | None = None,
         told: Told | None = None,
     ) -> None:
+        guarded = loop
         loop = with_scratch(loop, station)
         self.station, self.loop, self.link, self.who = station, loop, link, who
         self.state = State.DISARMED
@@ -100,6 +103,7 @@ class Gate:
         self._clock = clock
         self._told = told
         self._wire = Wire(station, loop, link, clock, sees)
+        self._guard = None if loop.lease is None else PlcLease(station, guarded, self._wire, clock)
         self._spans = block.spans(loop, station.devices)
         self._journal: Journal | None = None
         self._lease: Lease | None = None
@@ -116,7 +120,7 @@ class Gate:
     async def preview(self, values: Mapping[str, Any]) -> Plan:
         """Return what `write` would do now, with every check and no write; needs no arming."""
         picture = await self._wire.picture()
-        return self._plan(values, picture)
+        return planning.plan(self.loop, self.station, values, picture)
 
     async def arm(self, reason: str, *, duration_ns: int = ARM_DEFAULT_NS) -> Picture:
         """Arm the gate: lease, journal, what an earlier run left, as-found snapshot; return the snapshot.
@@ -133,21 +137,26 @@ class Gate:
         self._open()
         try:
             assert self._journal is not None
+            if self._guard is not None:
+                await self._guard.take()
             picture = await self._wire.picture()
-            self._check_fit(picture)
+            checks.fit(self.loop, picture)
             words = {name: picture.words[name] for name in self._spans}
             record = self._journal.append(
                 "armed",
                 loop=self.loop.name, station=self.station.name, target=self.station.target, unit=self.station.unit,
                 who=self.who, why=reason, seconds=duration_ns / SECOND, version=__version__,
                 places={name: str(self.loop.bindings.get(name, self.loop.en)) for name in words},
-                as_found=words_json(words),
+                as_found=words_json(words), lease=0 if self._guard is None else self._guard.owner,
             )  # fmt: skip
+            if self._guard is not None:
+                await self._guard.guard(words)
         except BaseException:
+            await self._give_back()
             self._close()
             raise
         self.as_found = picture
-        self.session = Session(self.loop.name, dict(words), anchor=str(record["hash"]))
+        self.session = replayed([record])
         self._ends_ns = self._clock.now_ns() + duration_ns
         self._written_ns = {}
         self.state = after(self.state, Event.ARM)
@@ -164,6 +173,7 @@ class Gate:
         if not pending.written:
             self._end("restored")
             return
+        await self._take_up(pending)
         self.state = after(self.state, Event.PENDING)
         self.recovered = await self.restore("an earlier run ended without putting back")
         if not self.recovered.is_clean:
@@ -172,6 +182,22 @@ class Gate:
                 f"{self.recovered.text(self.loop)}",
                 hint=UNCLEAN_HINT,
             )
+
+    async def _take_up(self, session: Session) -> None:
+        """Hold the PLC's lease while an earlier run is put back, where its snippet runs."""
+        if self._guard is None:
+            return
+        try:
+            await self._guard.take(owner=session.lease, is_return=True)
+        except BaseException:
+            self._close()
+            raise
+
+    async def _give_back(self) -> None:
+        """Give the PLC's lease back; where that fails, the PLC ends it by itself."""
+        if self._guard is not None:
+            with contextlib.suppress(AhGatewayError):
+                await self._guard.release()
 
     @contextlib.asynccontextmanager
     async def armed(self, reason: str, *, duration_ns: int = ARM_DEFAULT_NS, keep: bool = False) -> AsyncIterator[Gate]:
@@ -189,7 +215,7 @@ class Gate:
         if self.state in (State.DISARMED, State.BROKEN):
             return
         if keep:
-            self.keep()
+            await self._keep()
             return
         restored = await self.restore("end of the test")
         if not restored.is_clean:
@@ -208,16 +234,16 @@ class Gate:
         await self.check()
         done: list[Step] = []
         picture = await self._wire.picture()
-        planned = self._plan(values, picture)
-        self._check_rate(planned.steps)
+        planned = planning.plan(self.loop, self.station, values, picture)
+        checks.rate(self.loop, planned.steps, self._written_ns, self._clock.now_ns())
         try:
             for stage in change.stages(self.loop, values, picture.words):
-                if stage == {"MOUT": None}:
+                if stage == {self.loop.controller.roles.mout: None}:
                     done += await self._follow_mv(why)
                     continue
                 picture = await self._wire.picture()
-                self._check_ours(picture)
-                for step in self._stage(stage, picture):
+                self.look(picture)
+                for step in planning.steps(self.loop, self.station, stage, picture):
                     await self._carry_out(step, "write", why)
                     done.append(step)
         except BaseException as cause:
@@ -226,10 +252,12 @@ class Gate:
         return Plan(self.loop.name, tuple(done), planned.unchanged)
 
     async def check(self) -> None:
-        """Make sure that the gate is armed and its time is not over; put everything back when it is.
+        """Make sure that the gate is armed and its time is not over, and beat; put everything back when that fails.
 
         Raises:
-            StateError: It is not armed, or the time is over.
+            StateError: It is not armed, the time is over, or the PLC's lease is not ours any more.
+            TransportError: The link failed when a beat was due.
+            PlcRefusedError: The PLC refused the beat.
         """
         if self.state is not State.ARMED:
             raise StateError(
@@ -239,6 +267,12 @@ class Gate:
             error = StateError(f"loop {self.loop.name}: the time for which it was armed is over")
             await self._undo(error)
             raise error
+        if self._guard is not None:
+            try:
+                await self._guard.beat()
+            except BaseException as cause:
+                await self._undo(cause)
+                raise
 
     def look(self, picture: Picture) -> None:
         """Compare a picture taken while armed with what we found and wrote.
@@ -246,10 +280,32 @@ class Gate:
         Raises:
             StateError: The mode or something that we wrote has been changed by somebody else.
         """
-        self._check_ours(picture)
+        assert self.session is not None
+        checks.ours(self.loop, self.session, picture)
 
-    def keep(self) -> None:
+    async def pause(self, duration_ns: int) -> None:
+        """Let time pass; while armed, the beat of the PLC's lease goes on meanwhile.
+
+        Raises:
+            StateError: As `check`.
+        """
+        ends_ns = self._clock.now_ns() + duration_ns
+        while self.state is State.ARMED and self._guard is not None:
+            await self.check()
+            if (left_ns := ends_ns - self._clock.now_ns()) <= 0:
+                return
+            await self._clock.sleep_ns(min(left_ns, self._guard.period_ns // 2))
+        await self._clock.sleep_ns(ends_ns - self._clock.now_ns())
+
+    async def _keep(self) -> None:
         """End the arming and leave everything as it was written."""
+        try:
+            if self._guard is not None:
+                # As long as the lease is not given back, the PLC would undo what is to be kept.
+                await self._guard.release()
+        except BaseException as cause:
+            await self._undo(cause)
+            raise
         self.state = after(self.state, Event.KEPT)
         self._end("kept")
 
@@ -269,6 +325,7 @@ class Gate:
             # A second Ctrl-C: the journal still says what is open, and the next start puts it back.
             self._close()
             raise
+        await self._give_back()
         if restored.is_clean:
             self.state = after(self.state, Event.RESTORED)
             self._end("restored")
@@ -294,6 +351,7 @@ class Gate:
             self._close()
             return None
         self.session = session
+        await self._take_up(session)
         self.state = State.BROKEN
         try:
             return await self.restore(why)
@@ -320,70 +378,43 @@ class Gate:
 
     # Doing.
 
-    def _plan(self, values: Mapping[str, Any], picture: Picture) -> Plan:
-        found: list[Step] = []
-        # A later stage starts from what the earlier ones leave.
-        words = dict(picture.words)
-        for stage in change.stages(self.loop, values, picture.words):
-            named = {"MOUT": picture.seen["MV"]} if stage == {"MOUT": None} else stage
-            if stage == {"MOUT": None} and change.follows_mv(self.loop, words):
-                words["MOUT"] = words["MV"]
-                continue
-            for step in self._steps(named, words, picture):
-                found.append(step)
-                words.update({item.operand: item.new for item in step.items})
-        changed = {item.operand for step in found for item in step.items}
-        return Plan(self.loop.name, tuple(found), tuple(name for name in values if name not in changed))
-
-    def _stage(self, stage: Mapping[str, Any], picture: Picture) -> tuple[Step, ...]:
-        return self._steps(stage, dict(picture.words), picture)
-
-    def _steps(self, stage: Mapping[str, Any], words: Raw, picture: Picture) -> tuple[Step, ...]:
-        items = []
-        for name, value in stage.items():
-            in_automatic = name == "MOUT" and not words["PID_MAN"][0]
-            if in_automatic and change.follows_mv(self.loop, words):
-                raise StateError(
-                    f"loop {self.loop.name}: MOUT follows MV while MOUT_AUTO is TRUE and PID_MAN is FALSE",
-                    hint="write PID_MAN=TRUE with it",
-                )
-            # In automatic MOUT moves nothing: what counts is how far MV would jump at the transfer.
-            reference = picture.seen["MV"] if in_automatic else None
-            items.append(change.item(self.loop, self.station, name, value, words, reference=reference))
-        return change.steps(self.loop, self.station, items)
-
     async def _follow_mv(self, why: str) -> list[Step]:
         """Let MOUT hold MV, as near as MV stands still meanwhile; the loop is still in automatic."""
         done: list[Step] = []
-        limit = change.allowed(self.loop, self.station, "MOUT")
+        roles = self.loop.controller.roles
+        limit = change.allowed(self.loop, self.station, roles.mout)
         assert limit.step_max is not None
         for _ in range(MANUAL_TRIES):
             picture = await self._wire.picture()
-            self._check_ours(picture)
-            mout, mv = float(picture.inputs.mout), float(picture.seen["MV"])
-            if change.follows_mv(self.loop, picture.words) or (done and abs(mv - mout) <= limit.step_max):
+            self.look(picture)
+            held = decode(self.loop.controller.operand(roles.mout).kind, picture.words[roles.mout])
+            mout, mv = float(held), float(picture.seen[roles.mv])
+            if change.follows_mv(roles, picture.words) or (done and abs(mv - mout) <= limit.step_max):
                 return done
-            for step in self._stage({"MOUT": picture.seen["MV"]}, picture):
+            for step in planning.steps(self.loop, self.station, {roles.mout: picture.seen[roles.mv]}, picture):
                 await self._carry_out(step, "write", why)
                 done.append(step)
             if not done:
                 return done
         raise StateError(
-            f"loop {self.loop.name}: MV moves faster than MOUT can follow, {mout:g} behind {mv:g}",
+            f"loop {self.loop.name}: {roles.mv} moves faster than {roles.mout} can follow, {mout:g} behind {mv:g}",
             hint="wait until the loop is quieter",
         )
 
     async def _carry_out(self, step: Step, kind: str, why: str) -> None:
         """One request: intent on disk, sent, acknowledged, read back afresh."""
         assert self.session is not None
+        is_write = kind == "write"
+        if self._guard is not None:
+            await self._guard.beat()
+            await self._guard.intend(self.session, step)
         self._write_down(step, kind, why)
         for item in step.items:
-            self.session.intend(item.operand, item.new)
-        is_write = kind == "write"
+            self.session.intend(item.operand, item.old, item.new)
         if is_write:
             self.state = after(self.state, Event.SEND)
         try:
-            await self._wire.send(step)
+            await self._wire.send(step.request)
         except PlcRefusedError as error:
             self._note("refused", code=error.code, text=error.message)
             raise
@@ -400,6 +431,8 @@ class Gate:
                 f"loop {self.loop.name}: {wrong}",
                 hint="the PLC program or another master writes it too; look for it before anything else is written",
             )
+        if self._guard is not None and is_write:
+            await self._guard.prove(self.session, step)
         holds = {item.operand: item.new for item in step.items}
         for operand, words in holds.items():
             self.session.prove(operand, words)
@@ -434,8 +467,9 @@ class Gate:
         done: list[str] = []
         while True:
             try:
+                await self._see_put_back(session)
                 picture = await self._wire.picture()
-                decision = decide(session, picture.words)
+                decision = decide(session, self.loop.controller.roles, picture.words)
                 if not decision.stages:
                     return Restored(tuple(done), decision.conflicts, decision.is_taken_over)
                 await self._put_stage(decision.stages[0], picture.words)
@@ -445,6 +479,14 @@ class Gate:
                     return Restored(tuple(done), error=error.message)
                 await self._clock.sleep_ns(RESTORE_RETRY_NS)
 
+    async def _see_put_back(self, session: Session) -> None:
+        """What the PLC itself has put back is as found because of us, and no takeover."""
+        if self._guard is None or not session.lease or session.is_put_back:
+            return
+        if (await self._guard.head()).put_back(session.lease):
+            self._note("put-back", text="the PLC itself, at the end of the lease")
+            session.put_back()
+
     async def _put_stage(self, stage: Mapping[str, tuple[int, ...]], now: Raw) -> None:
         items = []
         for name, words in stage.items():
@@ -452,46 +494,6 @@ class Gate:
             items.append(Item(name, str(self.loop.bindings[name]), kind, self._spans[name], now[name], words))
         for step in change.steps(self.loop, self.station, items, is_return=True):
             await self._carry_out(step, "restore", "")
-
-    # Checking.
-
-    def _check_fit(self, picture: Picture) -> None:
-        if picture.running is False:
-            raise StateError(f"loop {self.loop.name}: the PLC is in STOP, nothing would carry a write out")
-        if picture.enabled is False:
-            raise StateError(f"loop {self.loop.name}: EN is off, the instruction would not see a write")
-        if not any(any(words) for words in picture.words.values()):
-            raise StateError(
-                f"loop {self.loop.name}: every operand reads 0, so that there may be no loop at these addresses",
-                hint="compare SV and PV with ISPSoft before anything is written there",
-            )
-
-    def _check_rate(self, steps: Sequence[Step]) -> None:
-        now_ns = self._clock.now_ns()
-        for item in (item for step in steps for item in step.items if item.old != item.new):
-            last_ns = self._written_ns.get(item.operand)
-            limit_s = self.loop.writes[item.operand].interval_s
-            if last_ns is not None and now_ns - last_ns < limit_s * SECOND:
-                raise StateError(
-                    f"loop {self.loop.name}: {item.operand} was written {(now_ns - last_ns) / SECOND:.3g} s ago, "
-                    f"allowed is one write in {limit_s:g} s"
-                )
-
-    def _check_ours(self, picture: Picture) -> None:
-        assert self.session is not None
-        session, now = self.session, picture.words
-        names = list(dict.fromkeys([*("PID_RUN", "PID_MODE", "PID_MAN"), *session.written]))
-        if change.follows_mv(self.loop, now):
-            names = [name for name in names if name != "MOUT"]
-        taken = [name for name in names if name in now and not session.is_ours(name, now)]
-        if taken:
-            texts = [
-                conflict_text(
-                    self.loop, Conflict(name, session.as_found[name], tuple(session.possible.get(name, ())), now[name])
-                )
-                for name in taken
-            ]
-            raise StateError(f"loop {self.loop.name}: somebody else writes too: {'; '.join(texts)}")
 
     # Paper.
 

@@ -4,7 +4,7 @@ This file alone decides what still is ours. For each operand it carries the set 
 us: as found, then every value whose request may have reached the PLC, cut to one when a fresh read has shown it. What
 stands there and is not in the set was written by somebody else, who is never overwritten.
 
-An operator takes over by mode (PID_RUN, PID_MODE, PID_MAN), or by MOUT while the loop is in manual: then nothing is
+An operator takes over by the operands of the mode, or by the manual value while the loop is in manual: then nothing is
 put back at all. Any other operand that somebody changed is left alone, and the rest is put back.
 """
 
@@ -15,9 +15,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from ahgateway.codec.block import Raw
+from ahgateway.core.controllers import Roles
+from ahgateway.lockstep.gate.change import follows_mv, in_manual
 from ahgateway.lockstep.gate.journal import Record
 
-MODE = ("PID_RUN", "PID_MODE", "PID_MAN")
 Words = tuple[int, ...]
 
 
@@ -32,6 +33,8 @@ class Session:
         possible: Operand to the words that can stand there because of us.
         end: How it ended: `kept`, `restored`, `accepted`; empty while it has not.
         anchor: Hash of the record that armed it.
+        lease: Owner word by which it held the PLC's lease, 0 without one.
+        is_put_back: The PLC itself put everything back at the end of the lease.
     """
 
     loop: str
@@ -40,17 +43,26 @@ class Session:
     possible: dict[str, set[Words]] = field(default_factory=dict)
     end: str = ""
     anchor: str = ""
+    lease: int = 0
+    is_put_back: bool = False
 
-    def intend(self, operand: str, new: Words) -> None:
-        """A request with this value may reach the PLC from now on."""
+    def intend(self, operand: str, old: Words, new: Words) -> None:
+        """A request that replaces this value by that may reach the PLC from now on."""
         if operand not in self.possible:
-            self.possible[operand] = {self.as_found[operand]}
+            # What stood there just before may be another than as found: MOUT follows MV in automatic.
+            self.possible[operand] = {self.as_found[operand], old}
             self.written.append(operand)
         self.possible[operand].add(new)
 
     def prove(self, operand: str, new: Words) -> None:
         """A fresh read has shown this value behind the last request."""
         self.possible[operand] = {new}
+
+    def put_back(self) -> None:
+        """The PLC itself may have put back any of it."""
+        self.is_put_back = True
+        for operand, words in self.possible.items():
+            words.add(self.as_found[operand])
 
     def is_ours(self, operand: str, now: Raw) -> bool:
         """Tell whether what stands there can be as found or as we left it."""
@@ -82,15 +94,15 @@ class Decision:
     is_taken_over: bool = False
 
 
-def decide(session: Session, now: Raw) -> Decision:
+def decide(session: Session, roles: Roles, now: Raw) -> Decision:
     """Decide what may be put back, given what stands in the PLC now."""
-    ignored = {"MOUT"} if now["MOUT_AUTO"][0] and not now["PID_MAN"][0] else set()
+    ignored = {roles.mout} if follows_mv(roles, now) else set()
     # Scratch words that the profile does not name any more are out of reach, and nobody's.
     judged = [name for name in session.written if name not in ignored and name in now]
     differing = [name for name in judged if now[name] != session.as_found[name]]
-    mode = [name for name in MODE if name in now and not session.is_ours(name, now)]
-    if now["PID_MAN"][0] and "MOUT" in judged and not session.is_ours("MOUT", now):
-        mode.append("MOUT")
+    mode = [name for name in roles.modes if name in now and not session.is_ours(name, now)]
+    if in_manual(roles, now) and roles.mout in judged and not session.is_ours(roles.mout, now):
+        mode.append(roles.mout)
     lost = [name for name in differing if not session.is_ours(name, now)]
     conflicts = tuple(_conflict(session, name, now) for name in dict.fromkeys([*mode, *lost]))
     if not differing:
@@ -98,16 +110,15 @@ def decide(session: Session, now: Raw) -> Decision:
     if mode:
         return Decision((), conflicts, is_taken_over=True)
     wanted = {name: session.as_found[name] for name in differing if name not in lost}
-    return Decision(tuple(_staged(wanted)), conflicts)
+    return Decision(tuple(_staged(roles, wanted)), conflicts)
 
 
-def _staged(wanted: Mapping[str, Words]) -> list[dict[str, Words]]:
-    """Gains and limits first; out of manual before MOUT goes back, into manual behind it."""
-    rest = {name: words for name, words in wanted.items() if name not in ("PID_MAN", "MOUT")}
-    mout = {name: wanted[name] for name in ("MOUT",) if name in wanted}
-    man = {name: wanted[name] for name in ("PID_MAN",) if name in wanted}
-    to_manual = bool(man) and bool(man["PID_MAN"][0])
-    ordered = [rest, mout, man] if to_manual else [rest, man, mout]
+def _staged(roles: Roles, wanted: Mapping[str, Words]) -> list[dict[str, Words]]:
+    """Gains and limits first; out of manual before the manual value goes back, into manual behind it."""
+    rest = {name: words for name, words in wanted.items() if name not in (roles.manual, roles.mout)}
+    mout = {name: wanted[name] for name in (roles.mout,) if name in wanted}
+    man = {name: wanted[name] for name in (roles.manual,) if name in wanted}
+    ordered = [rest, mout, man] if man and in_manual(roles, man) else [rest, man, mout]
     return [stage for stage in ordered if stage]
 
 
@@ -134,7 +145,7 @@ def replayed(records: Iterable[Record]) -> Session:
         kind = record["kind"]
         if kind == "armed":
             found = {name: tuple(words) for name, words in record["as_found"].items()}
-            session = Session(str(record["loop"]), found, anchor=str(record["hash"]))
+            session = Session(str(record["loop"]), found, anchor=str(record["hash"]), lease=int(record.get("lease", 0)))
         elif session is not None:
             _take_in(session, kind, record)
     assert session is not None, "the first record arms the session"
@@ -144,11 +155,13 @@ def replayed(records: Iterable[Record]) -> Session:
 def _take_in(session: Session, kind: str, record: Mapping[str, Any]) -> None:
     if kind in ("write", "restore"):
         for change in record["items"]:
-            session.intend(change["operand"], tuple(change["new"]))
+            session.intend(change["operand"], tuple(change["old"]), tuple(change["new"]))
         if kind == "restore":
             session.end = ""
     elif kind == "verified":
         for operand, words in record["holds"].items():
             session.prove(operand, tuple(words))
+    elif kind == "put-back":
+        session.put_back()
     elif kind == "ended":
         session.end = str(record["how"])

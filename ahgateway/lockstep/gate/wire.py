@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ahgateway.clock import MILLISECOND, Clock
-from ahgateway.codec.access import Read, Span
+from ahgateway.codec.access import Read, Span, Write
 from ahgateway.codec.station import Loop, Station
 from ahgateway.codec.words import decode
 from ahgateway.errors import PlcRefusedError, StateError
@@ -45,7 +45,7 @@ class Wire:
             await self._clock.sleep_ns(self.settle_ns)
         raise StateError(f"loop {self._loop.name}: no picture of the loop without an execution inside it")
 
-    async def send(self, step: Step) -> None:
+    async def send(self, request: Write) -> None:
         """Send a request; only a PLC that answered *busy* is asked again.
 
         Raises:
@@ -54,7 +54,7 @@ class Wire:
         """
         for tried in range(1, BUSY_TRIES + 1):
             try:
-                await self._link.exchange(step.request)
+                await self._link.exchange(request)
             except PlcRefusedError as error:
                 # Busy is an answer: it was not carried out, so that asking again is no blind repeat.
                 if error.code != BUSY or tried == BUSY_TRIES:
@@ -73,7 +73,7 @@ class Wire:
         request = step.request
         for _ in range(READ_BACK_TRIES):
             await self._clock.sleep_ns(self.settle_ns)
-            found = await self._read(Span(request.table, request.address, len(request.values)))
+            found = await self.read(Span(request.table, request.address, len(request.values)))
             if found == request.values:
                 return ""
         texts = []
@@ -87,7 +87,8 @@ class Wire:
                 )
         return "; ".join(texts)
 
-    async def _read(self, span: Span) -> tuple[int, ...]:
+    async def read(self, span: Span) -> tuple[int, ...]:
+        """Read afresh; a busy PLC is asked again."""
         for tried in range(1, BUSY_TRIES + 1):
             try:
                 reply = await self._link.exchange(Read(self._station.unit, span.table, span.address, span.count))
