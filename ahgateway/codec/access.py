@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 
@@ -36,12 +36,16 @@ class Span:
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """Read `count` bits or words of `table` from the 0-based PDU address `address` of station `unit`."""
+    """Read `count` bits or words of `table` from the 0-based PDU address `address` of station `unit`.
+
+    `is_command` says that it belongs to a write, before or behind it, and goes before polls as the write does.
+    """
 
     unit: int
     table: Table
     address: int
     count: int
+    is_command: bool = field(default=False, compare=False, repr=False)
 
 
 @dataclass(frozen=True, slots=True)

@@ -49,6 +49,7 @@ class Pacing:
     line_share_max: float = 1.0
     close_when_idle_ms: int = 0
     connections_max: int = 8
+    request_wait_max_ms: int = 60_000
 
 
 @dataclass(frozen=True, slots=True)

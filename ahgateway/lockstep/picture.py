@@ -9,7 +9,7 @@ This file decides what a picture is; it does not know what a controller would ma
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ahgateway.clock import MILLISECOND, SECOND, Clock
@@ -87,6 +87,13 @@ class PicturePlan:
     def is_atomic(self) -> bool:
         """True when one request holds everything, and a request is one moment on this wire."""
         return self.is_snapshot and len(self.bracket) == 1 and not self.inner
+
+    def as_command(self) -> PicturePlan:
+        """Return the same requests as part of a write: they go before the polls that wait on the line."""
+        bracket, inner = (
+            tuple(replace(read, is_command=True) for read in reads) for reads in (self.bracket, self.inner)
+        )
+        return PicturePlan(bracket, inner, self.is_snapshot)
 
     @property
     def requests(self) -> tuple[Read, ...]:

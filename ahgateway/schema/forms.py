@@ -34,6 +34,12 @@ class PacingForm(Form):
         default=0, ge=0, le=HOUR_MS, description="close when nothing was asked so long, or 0"
     )
     connections_max: int = Field(default=8, ge=1, le=128, description="connections to this host at a time, TCP only")
+    request_wait_max_ms: int = Field(
+        default=MINUTE_MS,
+        ge=1,
+        le=HOUR_MS,
+        description="longest wait for its turn; a request that waits longer is not sent",
+    )
 
 
 class CanItemForm(Form):

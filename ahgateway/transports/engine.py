@@ -11,17 +11,16 @@ after anything odd, and `alignment` decides what may be believed. No request is 
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass
-from typing import Protocol
 
 from ahgateway.clock import MILLISECOND, Clock
-from ahgateway.codec.access import Read, Request, Write
+from ahgateway.codec.access import Read, Request
 from ahgateway.errors import CodecError, FrameError, LinkError, PlcRefusedError, ReplyTimeoutError, TransportError
 from ahgateway.transports.alignment import Alignment
 from ahgateway.transports.base import Frame, LinkFigures, Reply, Tap
 from ahgateway.transports.framing import Adu, Framing
 from ahgateway.transports.pdu import Shape, decode_reply, describe, encode_request, reply_shape
+from ahgateway.transports.waiting import Job, Waiter, Waiting
 
 ROUND_TRIPS_KEPT_MAX = 4096
 KNOWN_MAX = 256
@@ -36,16 +35,6 @@ STRAY_FRAME_SIZE_MIN = 5
 """Fewer stray bytes cannot be a frame: the shortest, an RTU exception, has 5; an ASCII one has 11 characters."""
 
 
-class Waiter(Protocol):
-    """Where an outcome goes; an `asyncio.Future` is one."""
-
-    def done(self) -> bool: ...
-
-    def set_result(self, reply: Reply, /) -> None: ...
-
-    def set_exception(self, error: Exception, /) -> None: ...
-
-
 @dataclass(frozen=True, slots=True)
 class Limits:
     """What a line allows.
@@ -58,6 +47,7 @@ class Limits:
         quiet_ns: How long a line without transaction numbers must be silent after anything odd.
         byte_ns: Wire time of one byte; 0 where it does not count.
         share: Of the time, what our exchanges may take; after each the line rests accordingly.
+        wait_max_ns: How long a request may wait for its turn before it is refused unsent; 0 for any time.
     """
 
     timeout_ns: int
@@ -67,17 +57,7 @@ class Limits:
     quiet_ns: int = 50 * MILLISECOND
     byte_ns: int = 0
     share: float = 1.0
-
-
-class _Job:
-    __slots__ = ("deadline_ns", "pdu", "request", "sent_ns", "shape", "waiter")
-
-    sent_ns: int
-    deadline_ns: int
-
-    def __init__(self, asked: tuple[Request, bytes, Shape], waiter: Waiter | None) -> None:
-        self.request, self.pdu, self.shape = asked
-        self.waiter = waiter  # None for an alignment probe
+    wait_max_ns: int = 0
 
 
 class Engine:
@@ -108,9 +88,9 @@ class Engine:
         self._target = target
         self._tap = tap
         self._window = limits.window if framing.identifies else 1
-        self._queue: deque[_Job] = deque()
+        self._queue = Waiting(limits.wait_max_ns)
         self._known: dict[int, tuple[Request, bytes, Shape]] = {}
-        self._flying: dict[int, _Job] = {}
+        self._flying: dict[int, Job] = {}
         self._expired: set[int] = set()
         self._tag = 0
         self._send_after_ns = 0
@@ -154,13 +134,13 @@ class Engine:
         self.unanswered_in_a_row = 0
         self.replies_on_connection = 0
 
-    def submit(self, request: Request, waiter: Waiter) -> None:
-        """Queue a request.
+    def submit(self, request: Request, waiter: Waiter, asked_ns: int) -> None:
+        """Queue a request that was asked at `asked_ns`.
 
         Raises:
             CodecError: No PDU can hold it; nothing has been queued.
         """
-        self._enqueue(self._job(request, waiter))
+        self._queue.append(self._job(request, waiter, asked_ns))
 
     def offer(self, request: Request, waiter: Waiter, now_ns: int) -> bytes | None:
         """Queue a request and return the next frame to write at once, or None: `submit` and `outgoing` in one.
@@ -168,26 +148,16 @@ class Engine:
         Raises:
             CodecError: No PDU can hold it; nothing has been queued.
         """
-        job = self._job(request, waiter)
+        job = self._job(request, waiter, now_ns)
         if self._queue or not self._identifies:
-            self._enqueue(job)
+            self._queue.append(job)
             return self.outgoing(now_ns)
         if len(self._flying) >= self._window or now_ns < self._send_after_ns:
-            self._enqueue(job)
+            self._queue.append(job)
             return None
         return self._launch(job, self._next_tag(), now_ns)
 
-    def _enqueue(self, job: _Job) -> None:
-        """A command goes before every poll that waits, behind the commands before it."""
-        if type(job.request) is not Write:
-            self._queue.append(job)
-            return
-        place = 0
-        while place < len(self._queue) and type(self._queue[place].request) is Write:
-            place += 1
-        self._queue.insert(place, job)
-
-    def _job(self, request: Request, waiter: Waiter) -> _Job:
+    def _job(self, request: Request, waiter: Waiter, asked_ns: int) -> Job:
         known = self._known.get(id(request))
         if known is None:
             if request.unit == 0 and not self._identifies:
@@ -199,7 +169,7 @@ class Engine:
             if len(self._known) >= KNOWN_MAX:
                 self._known.clear()
             known = self._known[id(request)] = (request, pdu, reply_shape(request, pdu))
-        return _Job(known, waiter)
+        return Job(known, waiter, asked_ns)
 
     def outgoing(self, now_ns: int) -> bytes | None:
         """Return the next frame to write at once, or None when nothing may be sent now."""
@@ -217,7 +187,7 @@ class Engine:
             return self.outgoing(now_ns)  # its caller has gone; what was not sent is not sent
         return self._launch(job, self._next_tag(), now_ns)
 
-    def _launch(self, job: _Job, tag: int, now_ns: int) -> bytes:
+    def _launch(self, job: Job, tag: int, now_ns: int) -> bytes:
         frame = self.framing.wrap(tag, job.request.unit, job.pdu)
         job.sent_ns = now_ns
         job.deadline_ns = now_ns + self._timeout_ns
@@ -280,6 +250,8 @@ class Engine:
                 self._send_after_ns = now_ns + self._limits.quiet_ns
                 self._fail(job, self._timeout_error(job, heard))
             self._flush_heard(now_ns)
+        for job in self._queue.expired(now_ns):
+            self._fail(job, self._expiry_error(job, now_ns))
 
     def wake_ns(self) -> int | None:
         """Return when `tick` and `outgoing` should be called next if nothing else happens, None for never."""
@@ -289,7 +261,8 @@ class Engine:
             break
         if self._queue and len(self._flying) < self._window and (wake is None or self._send_after_ns < wake):
             wake = self._send_after_ns
-        return wake
+        due_ns = self._queue.due_ns()
+        return wake if due_ns is None or (wake is not None and wake < due_ns) else due_ns
 
     def lost(self, now_ns: int, message: str, hint: str | None = None, kind: type[TransportError] = LinkError) -> None:
         """Fail everything that waits; the connection is gone."""
@@ -310,9 +283,10 @@ class Engine:
                 job, kind(f"{self._target}: {message}, before an answer to: {describe(job.request)}{fate}", hint=hint)
             )
 
-    def _provable(self, now_ns: int) -> _Job | None:
+    def _provable(self, now_ns: int) -> Job | None:
         """Return the queue's head, or the alignment probe that must come before it; None when the head is no more."""
-        waiter = self._queue[0].waiter
+        head = self._queue.head
+        waiter = head.waiter
         if waiter is not None and waiter.done():
             self._queue.popleft()
             return None
@@ -322,7 +296,7 @@ class Engine:
             self._alignment.doubt_all()
         self._flush_heard(now_ns)
         self._figures.garbage_bytes = self.framing.garbage_bytes
-        request = self._queue[0].request
+        request = head.request
         if self._alignment.since_ns(request.unit) is not None:
             self._probes = 0
             return self._queue.popleft()
@@ -334,7 +308,7 @@ class Engine:
         self._probes += 1
         probe = self._alignment.probe(request, now_ns)
         pdu = encode_request(probe)
-        return _Job((probe, pdu, reply_shape(probe, pdu)), None)
+        return Job((probe, pdu, reply_shape(probe, pdu)), None, now_ns, ahead_of=head)
 
     def _next_tag(self) -> int:
         tag = self._tag = (self._tag + 1) & 0xFFFF
@@ -373,11 +347,11 @@ class Engine:
         if waiter is not None and not waiter.done():
             waiter.set_result(Reply(request, values, job.sent_ns, first_ns, now_ns, aligned_ns))
 
-    def _prove(self, job: _Job, adu: Adu, now_ns: int) -> None:
+    def _prove(self, job: Job, adu: Adu, now_ns: int) -> None:
         self._alignment.proven(job.request.unit, now_ns)
         self._probe_frame = self.framing.wrap(0, adu.unit, adu.pdu)
 
-    def _refused(self, job: _Job, adu: Adu, error: PlcRefusedError | FrameError, now_ns: int) -> None:
+    def _refused(self, job: Job, adu: Adu, error: PlcRefusedError | FrameError, now_ns: int) -> None:
         if isinstance(error, PlcRefusedError):
             self.replies_on_connection += 1
             if job.waiter is not None:
@@ -406,15 +380,16 @@ class Engine:
         if len(figures.round_trips_ns) > ROUND_TRIPS_KEPT_MAX:
             del figures.round_trips_ns[: ROUND_TRIPS_KEPT_MAX // 2]
 
-    def _fail(self, job: _Job, error: Exception) -> None:
+    def _fail(self, job: Job, error: Exception) -> None:
         waiter = job.waiter
-        if waiter is None and self._queue:
-            waiter = self._queue.popleft().waiter  # a probe fails the request for which it went out
+        if job.ahead_of is not None:
             self._probes = 0
+            if self._queue.remove(job.ahead_of):  # a probe fails the request for which it went out
+                waiter = job.ahead_of.waiter
         if waiter is not None and not waiter.done():
             waiter.set_exception(error)
 
-    def _timeout_error(self, job: _Job, heard: int) -> TransportError:
+    def _timeout_error(self, job: Job, heard: int) -> TransportError:
         request, timeout_ms = job.request, self._limits.timeout_ns // MILLISECOND
         if job.waiter is None:
             return ReplyTimeoutError(
@@ -431,6 +406,13 @@ class Engine:
         return ReplyTimeoutError(
             f"{self._target}: no reply within {timeout_ms} ms to: {describe(request)}",
             hint=f"check the {where}; if the PLC is slow, raise reply_timeout_ms",
+        )
+
+    def _expiry_error(self, job: Job, now_ns: int) -> TransportError:
+        waited_ms = (now_ns - job.asked_ns) // MILLISECOND
+        return ReplyTimeoutError(
+            f"{self._target}: waited {waited_ms} ms for its turn and was not sent: {describe(job.request)}",
+            hint="the line is slower than what is asked of it: raise poll_ms or line_share_max, or request_wait_max_ms",
         )
 
     def _flush_heard(self, now_ns: int) -> None:

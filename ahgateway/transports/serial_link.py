@@ -54,6 +54,10 @@ class _Handover:
             self._loop.call_soon_threadsafe(lambda: None if self._future.done() else settle())
 
 
+_Asked = tuple[Request, _Handover, int]
+"""A request, where its outcome goes, and when it was asked."""
+
+
 class SerialLink:
     """A `base.Link` to the units on one serial line.
 
@@ -90,10 +94,11 @@ class SerialLink:
             quiet_ns=max(QUIET_MIN_NS, 2 * line.gap_ns),
             byte_ns=line.byte_ns,
             share=pacing.line_share_max,
+            wait_max_ns=pacing.request_wait_max_ms * MILLISECOND,
         )
         self._idle_s = pacing.close_when_idle_ms / 1000 or None
         self._engine = Engine(framing(), limits, clock, self.figures, self.target, tap)
-        self._inbox: queue.SimpleQueue[tuple[Request, _Handover] | None] = queue.SimpleQueue()
+        self._inbox: queue.SimpleQueue[_Asked | None] = queue.SimpleQueue()
         self._stop = threading.Event()
         self._thread: threading.Thread | None = None
         self._port: serial.Serial | None = None
@@ -111,7 +116,7 @@ class SerialLink:
             self._thread.start()
         loop = asyncio.get_running_loop()
         future: asyncio.Future[Reply] = loop.create_future()
-        self._inbox.put((request, _Handover(loop, future)))
+        self._inbox.put((request, _Handover(loop, future), self._clock.now_ns()))
         return await future
 
     async def close(self) -> None:
@@ -151,10 +156,10 @@ class SerialLink:
         except (OSError, serial.SerialException) as error:
             self._went_away(error)
 
-    def _submit(self, job: tuple[Request, _Handover]) -> bool:
-        request, handover = job
+    def _submit(self, job: _Asked) -> bool:
+        request, handover, asked_ns = job
         try:
-            self._engine.submit(request, handover)
+            self._engine.submit(request, handover, asked_ns)
         except AhGatewayError as error:
             handover.set_exception(error)
             return False

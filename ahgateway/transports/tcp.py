@@ -140,6 +140,7 @@ class TcpLink:
             pause_after_connect_ns=pacing.pause_after_connect_ms * MILLISECOND,
             quiet_ns=quiet_ns,
             share=pacing.line_share_max,
+            wait_max_ns=pacing.request_wait_max_ms * MILLISECOND,
         )
         self._connections_max = pacing.connections_max
         self._idle_ns = pacing.close_when_idle_ms * MILLISECOND
@@ -165,7 +166,7 @@ class TcpLink:
             await self._connect(request)
         answer = _Answer(loop=self._loop)
         if self._is_receiving:
-            self._engine.submit(request, answer)
+            self._engine.submit(request, answer, self._clock.now_ns())
             return await answer
         frame = self._engine.offer(request, answer, self._clock.now_ns())
         if frame is not None and self._transport is not None:

@@ -195,3 +195,34 @@ async def test_a_stopped_node_answers_nothing_and_a_started_one_again(bench: Ben
         assert (0x0000, 0x42A0) == (await bench.link.exchange(SV)).values
     finally:
         master.shutdown()
+
+
+async def test_commands_go_before_the_polls_that_wait_for_the_node(bench: Bench) -> None:
+    """2000:01 is SV, 2000:02 stands behind it in the block; a frame's bytes 1 to 3 name the object."""
+    back = Read(1, Table.HOLDING, 100, 2, is_command=True)
+    write = Write(1, Table.HOLDING, 100, (0x0000, 0x4120))
+    polls = [Read(1, Table.HOLDING, 104, 2) for _ in range(3)]
+    await asyncio.gather(*(bench.link.exchange(request) for request in (*polls, write, back)))
+    asked = [unpack(frame.data).data[:4] for frame in bench.frames if frame.direction == ">"]
+    poll = asked[1]
+    assert [poll, b"\x23\x00\x20\x01", b"\x40\x00\x20\x01", poll, poll] == asked[1:]
+
+
+async def test_a_request_that_waits_too_long_for_the_node_is_refused_unsent(bench: Bench) -> None:
+    node = LateNode("turns")
+    text = "canopen://virtual/turns?node=3"
+    pacing = Pacing(reply_timeout_ms=200, request_wait_max_ms=30)
+    link = open_link(parse_uri(text), WallClock(), pacing, can=station(text).can)
+    try:
+        await link.exchange(SV)
+        node.is_holding = True
+        first = asyncio.ensure_future(link.exchange(SV))
+        await asyncio.sleep(0)
+        with pytest.raises(ReplyTimeoutError, match="waited 30 ms for its turn and was not sent: write 2 holding"):
+            await link.exchange(Write(1, Table.HOLDING, 100, (0x0000, 0x4120)))
+        with pytest.raises(ReplyTimeoutError, match="no reply within 200 ms"):
+            await first
+        assert 2 == len((await link.exchange(SV)).values)
+    finally:
+        await link.close()
+        node.close()

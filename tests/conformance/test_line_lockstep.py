@@ -50,7 +50,7 @@ class VirtualLine:
 
     async def exchange(self, request: Request) -> Reply:
         slot = Slot()
-        self.engine.submit(request, slot)
+        self.engine.submit(request, slot, self.clock.now_ns())
         while not slot.done():
             frame = self.engine.outgoing(self.clock.now_ns())
             if frame is None:

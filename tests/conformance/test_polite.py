@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import asyncio
 import os
+from dataclasses import replace
 
 import pytest
 from conformance.peers import CLIENT, SERVER, TinyPlc, serial_pair
 
 from ahgateway.clock import MILLISECOND, VirtualClock, WallClock
-from ahgateway.codec.access import Read, Table, Write
+from ahgateway.codec.access import Read, Request, Table, Write
 from ahgateway.codec.station import Pacing
-from ahgateway.errors import LinkError
+from ahgateway.errors import LinkError, ReplyTimeoutError
 from ahgateway.transports.base import LinkFigures, Reply
 from ahgateway.transports.engine import Engine, Limits
 from ahgateway.transports.framing import Mbap
@@ -52,17 +53,132 @@ def test_commands_go_before_the_polls_that_wait_in_their_own_order(clock: Virtua
     unit = Responder(plc, Mbap())
     asked = [POLL, Read(1, Table.INPUT, 3, 2), Write(1, Table.HOLDING, 5, (1,)), Write(1, Table.HOLDING, 6, (2,))]
     for request in asked:
-        line.submit(request, Slot())
+        line.submit(request, Slot(), 0)
     while (frame := line.outgoing(0)) is not None:
         line.received(unit.feed(frame), 0)
     assert [asked[2], asked[3], asked[0], asked[1]] == plc.seen
 
 
+def test_what_belongs_to_a_write_goes_before_polls_as_the_write_does(clock: VirtualClock) -> None:
+    plc, line = TinyPlc(), engine(clock)
+    unit = Responder(plc, Mbap())
+    write, back = Write(1, Table.HOLDING, 5, (1,)), Read(1, Table.HOLDING, 5, 1, is_command=True)
+    for request in (POLL, write, POLL, back):
+        line.submit(request, Slot(), 0)
+    while (frame := line.outgoing(0)) is not None:
+        line.received(unit.feed(frame), 0)
+    assert [write, back, POLL, POLL] == plc.seen
+
+
+class Poller(Slot):
+    """Asks again as soon as it has its answer, as the loops of a monitor do."""
+
+    def __init__(self, line: Engine, clock: VirtualClock, unit: int, order: list[int]) -> None:
+        super().__init__()
+        self._line, self._clock, self._unit, self._order = line, clock, unit, order
+
+    def ask(self) -> None:
+        self._line.submit(Read(self._unit, Table.HOLDING, 0, 2), self, self._clock.now_ns())
+
+    def done(self) -> bool:
+        return False
+
+    def set_result(self, reply: Reply, /) -> None:
+        self._order.append(self._unit)
+        self.ask()
+
+    def set_exception(self, error: Exception, /) -> None:
+        self._order.append(-self._unit)
+        self.ask()
+
+
+class AnyUnit(TinyPlc):
+    """A TinyPlc behind every unit number."""
+
+    def answer(self, request: Request) -> tuple[int, ...] | None:
+        return super().answer(replace(request, unit=1))
+
+
+@pytest.mark.parametrize("wire", ["rtu", "ascii"])
+def test_units_on_one_line_take_turns_and_a_dead_one_costs_the_others_its_time_out_only(
+    wire: str, clock: VirtualClock
+) -> None:
+    """Units 1 and 3 answer, 2 is dead; each asks again at once, unit 1 with two loops."""
+    line = Engine(CLIENT[wire](), Limits(100 * MILLISECOND, quiet_ns=MILLISECOND), clock, LinkFigures(), "x")
+    line.connected(0)
+    units, order = Responder(AnyUnit(), SERVER[wire]()), list[int]()
+    for unit in (1, 2, 1, 3):
+        Poller(line, clock, unit, order).ask()
+    while len(order) < 16:
+        frame = line.outgoing(clock.now_ns())
+        if frame is not None:
+            asked = int(frame[1:3], 16) if wire == "ascii" else frame[0]
+            clock.advance_ns(MILLISECOND)
+            if asked != 2:
+                line.received(units.feed(frame), clock.now_ns())
+            continue
+        wake_ns = line.wake_ns()
+        assert wake_ns is not None
+        clock.advance_ns(max(0, wake_ns - clock.now_ns()))
+        line.tick(clock.now_ns())
+    assert [1, -2, 1, 3] * 4 == order
+
+
+def test_a_request_that_waited_too_long_is_refused_and_never_sent(clock: VirtualClock) -> None:
+    plc, line = TinyPlc(), engine(clock, wait_max_ns=300 * MILLISECOND, pause_ns=MILLISECOND)
+    unit = Responder(plc, Mbap())
+    write = Write(1, Table.HOLDING, 5, (1,))
+    first, second, third = Slot(), Slot(), Slot()
+    line.submit(POLL, first, 0)
+    frame = line.outgoing(0)
+    line.submit(POLL, second, 100 * MILLISECOND)
+    line.submit(write, third, 200 * MILLISECOND)
+    assert 400 * MILLISECOND == line.wake_ns()
+    line.tick(399 * MILLISECOND)
+    assert not second.done()
+    line.tick(400 * MILLISECOND)
+    assert isinstance(second.outcome, ReplyTimeoutError)
+    assert (
+        "x: waited 300 ms for its turn and was not sent: read 2 input registers from 0x0001 of unit 1"
+        == second.outcome.message
+    )
+    line.tick(500 * MILLISECOND)
+    assert isinstance(third.outcome, ReplyTimeoutError)
+    assert "was not sent: write 1 holding register to 0x0005 of unit 1" in third.outcome.message
+    assert frame is not None
+    line.received(unit.feed(frame), 600 * MILLISECOND)
+    assert isinstance(first.outcome, Reply), "what was sent has its own time-out"
+    assert line.outgoing(700 * MILLISECOND) is None
+    assert [POLL] == plc.seen
+
+
+@pytest.mark.parametrize("wire", ["tcp", "rtu"])
+async def test_the_profile_s_deadline_holds_on_a_link(wire: str) -> None:
+    """The first request makes the line pause for longer than the second may wait."""
+    plc = TinyPlc()
+    server = await serve_tcp(plc, framing=SERVER[wire])
+    pacing = Pacing(pause_between_requests_ms=5000, request_wait_max_ms=30)
+    link = TcpLink(
+        "127.0.0.1", server.port, clock=WallClock(), pacing=pacing, framing=CLIENT[wire], quiet_ns=MILLISECOND
+    )
+    if wire == "tcp":
+        await link.exchange(POLL)
+    before = len(plc.seen)
+    with pytest.raises(
+        ReplyTimeoutError, match=r"waited \d+ ms for its turn and was not sent: write 1 holding"
+    ) as caught:
+        await asyncio.gather(link.exchange(Write(1, Table.HOLDING, 5, (1,))))
+    assert "request_wait_max_ms" in str(caught.value.hint)
+    assert [] == [request for request in plc.seen[before:] if isinstance(request, Write)]
+    await link.close()
+    await server.close()
+
+
 @pytest.mark.parametrize(("share", "rest_ms"), [(1.0, 0), (0.5, 20), (0.25, 60), (0.1, 180)])
 def test_the_line_rests_after_each_reply_as_its_share_says(clock: VirtualClock, share: float, rest_ms: int) -> None:
     line, unit = engine(clock, share=share), Responder(TinyPlc(), Mbap())
-    line.submit(POLL, Slot())
-    line.submit(POLL, Slot())
+    line.submit(POLL, Slot(), 0)
+    line.submit(POLL, Slot(), 0)
     frame = line.outgoing(0)
     assert frame is not None
     line.received(unit.feed(frame), 20 * MILLISECOND)

@@ -112,7 +112,7 @@ class History:
         is_read = self.random.random() < 0.85
         request = Read(1, Table.HOLDING, address, count) if is_read else Write(1, Table.HOLDING, address, (1,) * count)
         outcome = Outcome(request, asked_ns=self.clock.now_ns())
-        self.engine.submit(request, outcome)
+        self.engine.submit(request, outcome, outcome.asked_ns)
         for _ in range(TURNS_MAX):
             self._turn()
             if outcome.done():

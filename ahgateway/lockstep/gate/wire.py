@@ -30,6 +30,7 @@ class Wire:
         self.settle_ns = max(20, SETTLE_SCANS * loop.scan_ms_max) * MILLISECOND
         self._station, self._loop, self._link, self._clock = station, loop, link, clock
         self._sampler = Sampler(loop, station, link, clock, sees)
+        self._sampler.plan = self._sampler.plan.as_command()
 
     async def picture(self) -> Picture:
         """Return one picture; it is a read, so that a busy PLC or a torn picture is simply asked again."""
@@ -89,9 +90,10 @@ class Wire:
 
     async def read(self, span: Span) -> tuple[int, ...]:
         """Read afresh; a busy PLC is asked again."""
+        request = Read(self._station.unit, span.table, span.address, span.count, is_command=True)
         for tried in range(1, BUSY_TRIES + 1):
             try:
-                reply = await self._link.exchange(Read(self._station.unit, span.table, span.address, span.count))
+                reply = await self._link.exchange(request)
             except PlcRefusedError as error:
                 if error.code != BUSY or tried == BUSY_TRIES:
                     raise

@@ -24,6 +24,8 @@ from ahgateway.errors import CodecError, FrameError, LinkError, PlcRefusedError,
 from ahgateway.transports.base import LinkFigures, Reply
 from ahgateway.transports.can.bus import CanBus
 from ahgateway.transports.can.reader import Trouble
+from ahgateway.transports.can.turns import Turns
+from ahgateway.transports.pdu import describe
 
 PROBE_INDEX = 0x1018
 PROBE_SUBS = 250
@@ -60,7 +62,7 @@ class SdoLink:
         self._objects = objects
         self._clock = clock
         self._pacing = pacing or Pacing()
-        self._lock = asyncio.Lock()
+        self._turns = Turns(self._pacing.request_wait_max_ms / 1000)
         self._replies: asyncio.Queue[_Got | LinkError | FrameError] = asyncio.Queue(maxsize=64)
         self._is_asking = False
         self._aligned_ns: int | None = None
@@ -75,19 +77,34 @@ class SdoLink:
 
         Raises:
             CodecError: A device stands in no object, or a write needs more than one object or a part of one.
+            ReplyTimeoutError: Also when its turn did not come in time; then nothing was sent.
         """
         objects = self._objects_of(request)
-        async with self._lock:
-            await self._ready()
-            self.figures.requests += 1
-            try:
-                return await self._exchange(request, objects)
-            except PlcRefusedError:
-                self.figures.refused += 1
+        is_mine = False
+        try:
+            async with self._turns.turn(is_command=not isinstance(request, Read) or request.is_command):
+                is_mine = True
+                return await self._speak(request, objects)
+        except TimeoutError as error:
+            if is_mine:
                 raise
-            except ReplyTimeoutError:
-                self.figures.timeouts += 1
-                raise
+            raise ReplyTimeoutError(
+                f"{self.target}: waited {self._pacing.request_wait_max_ms} ms for its turn and was not sent: "
+                f"{describe(request)}",
+                hint="SDO is slower than what is asked of it: raise poll_ms, or request_wait_max_ms",
+            ) from error
+
+    async def _speak(self, request: Request, objects: tuple[CanObject, ...]) -> Reply:
+        await self._ready()
+        self.figures.requests += 1
+        try:
+            return await self._exchange(request, objects)
+        except PlcRefusedError:
+            self.figures.refused += 1
+            raise
+        except ReplyTimeoutError:
+            self.figures.timeouts += 1
+            raise
 
     async def close(self) -> None:
         """Release the interface; a request under way fails. May be called twice."""

@@ -10,6 +10,7 @@ import pytest
 from lockstep.gate.gate_world import WRITES, FailingLink, GateWorld, is_write
 
 from ahgateway.clock import SECOND
+from ahgateway.codec.access import Read, Request
 from ahgateway.codec.devices import parse_device
 from ahgateway.codec.station import WriteLimit
 from ahgateway.errors import LinkError, PlcRefusedError, ReplyTimeoutError, StateError
@@ -46,6 +47,21 @@ async def test_a_write_lands_is_read_back_and_kept(world: GateWorld) -> None:
     assert [("HOLDING", SV, (0x0000, 0x4252))] == world.sent()
     assert State.DISARMED is gate.state
     assert ["armed", "write", "verified", "ended"] == kinds(world)
+
+
+async def test_all_that_the_gate_asks_goes_before_the_polls_of_the_line(world: GateWorld) -> None:
+    """Its pictures and read-backs too: a poll before a proof would only delay what may have to go back."""
+    asked: list[Request] = []
+
+    def note(when: str, request: Request) -> None:
+        if when == "before":
+            asked.append(request)
+
+    async with world.gate(FailingLink(world.link, note)).armed("test", keep=True) as gate:
+        await gate.write({"SV": 52.5})
+    reads = [request for request in asked if isinstance(request, Read)]
+    assert len(reads) >= 3, "as found, before the write, behind it"
+    assert {True} == {request.is_command for request in reads}
 
 
 async def test_a_dry_run_says_what_would_be_sent_and_sends_nothing(world: GateWorld) -> None:
