@@ -28,6 +28,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.skip(reason=reason))
 
 
+@pytest.fixture(autouse=True, scope="session")
+def state_elsewhere(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """What programs keep between runs is not this user's; subprocesses inherit it."""
+    os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("state"))
+
+
 @pytest.fixture
 def clock() -> VirtualClock:
     """Time that moves when told to; starts at 0 and 2026-01-01T00:00Z."""

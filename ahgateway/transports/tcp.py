@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from collections import Counter
 from collections.abc import Callable
 from contextvars import Context
 from typing import Any, cast
@@ -22,7 +21,9 @@ from ahgateway.errors import FrameError, LinkError
 from ahgateway.transports.base import LinkFigures, Reply, Tap
 from ahgateway.transports.engine import UNANSWERED_MAX, Engine, Limits
 from ahgateway.transports.framing import Framing, Mbap
+from ahgateway.transports.machine_lock import MachineLock
 from ahgateway.transports.pdu import describe
+from ahgateway.transports.slots import take_slot
 
 CONNECT_TIMEOUT_NS = 3 * SECOND
 BACKOFF_MIN_NS = 100 * MILLISECOND
@@ -34,9 +35,6 @@ CONVERTER_PAUSE_NS = 2 * MILLISECOND
 BUFFER_SIZE = 8192
 IDLE_LOOKS = 4
 """So often the idle time is looked at before it is over: a hot path that notes no times may end a quarter late."""
-
-_open_connections: Counter[tuple[str, int]] = Counter()
-"""Connections of this process by host and port, for the cap."""
 
 
 class _Wire(asyncio.BufferedProtocol):
@@ -145,7 +143,7 @@ class TcpLink:
         self._connections_max = pacing.connections_max
         self._idle_ns = pacing.close_when_idle_ms * MILLISECOND
         self._idle_timer: asyncio.TimerHandle | None = None
-        self._has_slot = False
+        self._slot: MachineLock | None = None
         self._engine = Engine(wire, limits, clock, self.figures, self.target, tap)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._wire: _Wire | None = None
@@ -218,7 +216,7 @@ class TcpLink:
             )
         if wait_ns > 0:
             await self._clock.sleep_ns(wait_ns)
-        self._take_slot()
+        self._slot = take_slot(self._host, self._port, self._connections_max, self.target)
         try:
             async with asyncio.timeout(CONNECT_TIMEOUT_NS / SECOND):
                 transport, wire = await loop.create_connection(
@@ -258,20 +256,10 @@ class TcpLink:
         wait_s = self._idle_ns / IDLE_LOOKS / SECOND
         self._idle_timer = loop.call_later(wait_s, self._look_idle, requests, looks + 1)
 
-    def _take_slot(self) -> None:
-        place = (self._host, self._port)
-        if _open_connections[place] >= self._connections_max:
-            raise LinkError(
-                f"{self.target}: {self._connections_max} connections to it are open, as many as the pacing allows",
-                hint="close the other, or raise connections_max in [station.pacing]",
-            )
-        _open_connections[place] += 1
-        self._has_slot = True
-
     def _free_slot(self) -> None:
-        if self._has_slot:
-            _open_connections[self._host, self._port] -= 1
-            self._has_slot = False
+        slot, self._slot = self._slot, None
+        if slot is not None:
+            slot.release(removes=True)
 
     def _stop_timers(self) -> None:
         for timer in (self._timer, self._idle_timer):

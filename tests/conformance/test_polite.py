@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import asyncio
 import os
+import sys
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from conformance.peers import CLIENT, SERVER, TinyPlc, serial_pair
@@ -17,10 +19,12 @@ from ahgateway.transports.base import LinkFigures, Reply
 from ahgateway.transports.engine import Engine, Limits
 from ahgateway.transports.framing import Mbap
 from ahgateway.transports.line import Line
+from ahgateway.transports.machine_lock import Holder, MachineLock, take
 from ahgateway.transports.responder import Responder
 from ahgateway.transports.serial_link import SerialLink
 from ahgateway.transports.serial_server import serve_serial
 from ahgateway.transports.server import serve_tcp
+from ahgateway.transports.slots import take_slot
 from ahgateway.transports.tcp import TcpLink
 
 POLL = Read(1, Table.INPUT, 1, 2)
@@ -263,10 +267,72 @@ async def test_one_connection_more_than_allowed_is_refused_here() -> None:
     links = [TcpLink("127.0.0.1", server.port, clock=WallClock(), pacing=Pacing(connections_max=2)) for _ in range(3)]
     for link in links[:2]:
         await link.exchange(POLL)
-    with pytest.raises(LinkError, match="2 connections to it are open, as many as the pacing allows"):
+    with pytest.raises(LinkError, match="2 connections to it from this machine, as many as the pacing allows"):
         await links[2].exchange(POLL)
     await links[0].close()
     assert (7, 14) == (await links[2].exchange(POLL)).values
     for link in links:
         await link.close()
     await server.close()
+
+
+HOLDER = """
+import asyncio, sys
+from ahgateway.clock import WallClock
+from ahgateway.codec.access import Read, Table
+from ahgateway.transports.tcp import TcpLink
+
+async def hold():
+    link = TcpLink("127.0.0.1", int(sys.argv[1]), clock=WallClock())
+    await link.exchange(Read(1, Table.INPUT, 1, 2))
+    print("holds", flush=True)
+    await asyncio.sleep(60)
+
+asyncio.run(hold())
+"""
+
+
+@pytest.mark.slow
+async def test_connections_of_another_process_count_until_it_is_killed() -> None:
+    server = await serve_tcp(TinyPlc())
+    link = TcpLink("127.0.0.1", server.port, clock=WallClock(), pacing=Pacing(connections_max=1))
+    holder = await asyncio.create_subprocess_exec(
+        sys.executable, "-c", HOLDER, str(server.port), stdout=asyncio.subprocess.PIPE
+    )
+    assert holder.stdout is not None
+    assert b"holds\n" == await holder.stdout.readline()
+    said = rf"1 connection to it from this machine, as many as the pacing allows \(process {holder.pid}\)"
+    with pytest.raises(LinkError, match=said) as caught:
+        await link.exchange(POLL)
+    assert "connections_max" in str(caught.value.hint)
+    holder.kill()
+    await holder.wait()
+    assert (7, 14) == (await link.exchange(POLL)).values
+    await link.close()
+    await server.close()
+
+
+def test_a_lock_whose_file_was_removed_meanwhile_is_taken_on_a_new_one(tmp_path: Path) -> None:
+    """Two of one name exclude each other also when the first goes away between the other's opening and locking."""
+    first = take(tmp_path / "slot.lock", who="first")
+    assert isinstance(first, MachineLock)
+    assert Holder(os.getpid(), "first") == take(tmp_path / "slot.lock")
+    first.release(removes=True)
+    assert not (tmp_path / "slot.lock").exists()
+    second = take(tmp_path / "slot.lock", who="second")
+    assert isinstance(second, MachineLock)
+    assert Holder(os.getpid(), "second") == take(tmp_path / "slot.lock")
+    first.release(removes=True)
+    assert (tmp_path / "slot.lock").exists(), "what is not ours any more is not removed"
+    second.release()
+
+
+def test_without_a_place_for_locks_the_error_says_where_it_looked(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("no directory")
+    monkeypatch.setenv("XDG_STATE_HOME", str(blocked))
+    monkeypatch.setattr("tempfile.tempdir", str(blocked))
+    with pytest.raises(LinkError, match=r"connections cannot be counted: .*file/ahgateway: Not a directory; "):
+        take_slot("192.0.2.1", 502, 8, "modbus+tcp://192.0.2.1:502")

@@ -28,7 +28,6 @@ from ahgateway.errors import AhGatewayError, PlcRefusedError, StateError, Transp
 from ahgateway.lockstep.gate import change, checks, planning
 from ahgateway.lockstep.gate.change import Item, Step, shown
 from ahgateway.lockstep.gate.journal import Journal, Told
-from ahgateway.lockstep.gate.lease import Lease
 from ahgateway.lockstep.gate.outcome import Plan, Restored
 from ahgateway.lockstep.gate.plc_lease import PlcLease
 from ahgateway.lockstep.gate.scratch import with_scratch
@@ -37,6 +36,7 @@ from ahgateway.lockstep.gate.states import Event, State, after
 from ahgateway.lockstep.gate.wire import Wire
 from ahgateway.lockstep.picture import Picture, Sees
 from ahgateway.transports.base import Link
+from ahgateway.transports.machine_lock import MachineLock, take
 
 ARM_DEFAULT_NS = 300 * SECOND
 ARM_MAX_NS = 3600 * SECOND
@@ -67,7 +67,7 @@ class Gate:
         loop: The only loop that is ever written; the station's scratch words count as one of its operands.
         link: The way there.
         clock: Gives the times, waits, and ends the arming.
-        directory: Where journal and lease stand.
+        directory: Where journal and lock stand.
         who: Who asks, for the journal.
         sees: Shown every picture that the gate takes.
         told: Told of every record of the journal.
@@ -106,7 +106,7 @@ class Gate:
         self._guard = None if loop.lease is None else PlcLease(station, guarded, self._wire, clock)
         self._spans = block.spans(loop, station.devices)
         self._journal: Journal | None = None
-        self._lease: Lease | None = None
+        self._lock: MachineLock | None = None
         self._ends_ns = 0
         self._written_ns: dict[str, int] = {}
 
@@ -123,7 +123,7 @@ class Gate:
         return planning.plan(self.loop, self.station, values, picture)
 
     async def arm(self, reason: str, *, duration_ns: int = ARM_DEFAULT_NS) -> Picture:
-        """Arm the gate: lease, journal, what an earlier run left, as-found snapshot; return the snapshot.
+        """Arm the gate: lock, journal, what an earlier run left, as-found snapshot; return the snapshot.
 
         Raises:
             StateError: Armed already, by us or another; an earlier run left what cannot be put back; the PLC is in
@@ -498,19 +498,33 @@ class Gate:
     # Paper.
 
     def _open(self) -> None:
-        if self._lease is None:
-            lease = Lease(self.path.with_suffix(".lease"), f"loop {self.loop.name}", who=self.who, loop=self.loop.name)
+        if self._lock is None:
+            lock = self._taken_lock()
             try:
                 self._journal = Journal(self.path, self._clock, self._told)
             except BaseException:
-                lease.release()
+                lock.release()
                 raise
-            self._lease = lease
+            self._lock = lock
+
+    def _taken_lock(self) -> MachineLock:
+        path = self.path.with_suffix(".lease")
+        try:
+            found = take(path, who=self.who, loop=self.loop.name)
+        except OSError as error:
+            raise StateError(f"lock {path}: cannot be opened: {error.strerror}") from error
+        if isinstance(found, MachineLock):
+            return found
+        holder = f" (process {found.pid}, {found.who or 'nobody named'})" if found.pid else ""
+        raise StateError(
+            f"loop {self.loop.name} is armed by another gateway on this machine{holder}",
+            hint="end that one first; only one may write",
+        )
 
     def _close(self) -> None:
-        if self._lease is not None:
-            self._lease.release()
-            self._lease = None
+        if self._lock is not None:
+            self._lock.release()
+            self._lock = None
 
     def _end(self, how: str) -> None:
         assert self.session is not None
