@@ -27,16 +27,20 @@ class Clock(Protocol):
 
 
 class WallClock:
-    """The clock of this machine. UTC is anchored once, so that it never jumps against monotonic time."""
+    """The clock of this machine. UTC is anchored once, so that it never jumps against monotonic time.
+
+    The performance counter is the monotonic clock itself on Linux; on Windows the other one moves only 64 times a
+    second up to Python 3.12, which is nine times the silence between two RTU frames.
+    """
 
     def __init__(self) -> None:
-        self._offset_ns = time.time_ns() - time.monotonic_ns()
+        self._offset_ns = time.time_ns() - time.perf_counter_ns()
 
     def now_ns(self) -> int:
-        return time.monotonic_ns()
+        return time.perf_counter_ns()
 
     def utc_ns(self) -> int:
-        return self._offset_ns + time.monotonic_ns()
+        return self._offset_ns + time.perf_counter_ns()
 
     async def sleep_ns(self, duration_ns: int) -> None:
         await asyncio.sleep(max(0, duration_ns) / SECOND)

@@ -43,7 +43,7 @@ def adapters(sysfs: Path = Path("/sys")) -> list[Adapter]:
 
 
 def adapter_of(port: str, sysfs: Path = Path("/sys")) -> Adapter:
-    """Return what is known of one port; links such as /dev/serial/by-id are followed.
+    """Return what is known of one port; links such as /dev/serial/by-id are followed, `\\\\.\\com3` is COM3.
 
     Args:
         port: Name of a local port.
@@ -51,6 +51,8 @@ def adapter_of(port: str, sysfs: Path = Path("/sys")) -> Adapter:
     """
     real = str(Path(port).resolve()) if port.startswith("/") else port
     product = "n/a"
+    if not port.startswith("/"):
+        real = port.upper().removeprefix("\\\\.\\")  # the names of Windows have no case
     for each in list_ports.comports():
         if each.device == real:
             product = each.description or product

@@ -6,18 +6,15 @@ MANUAL spec ah500 §3.4: Delta's factory setting is ASCII 9600 7E1, RTU needs 8 
 
 from __future__ import annotations
 
-import errno
-import os
 import sys
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import serial
-from serial.tools import list_ports
 
 from ahgateway.clock import SECOND
 from ahgateway.errors import LinkError
+from ahgateway.transports.port_errors import why_not
 
 _REFUSED: tuple[type[Exception], ...] = (OSError, ValueError)
 if sys.platform != "win32":
@@ -36,7 +33,7 @@ class Line:
     """One serial port and how it is set.
 
     Attributes:
-        port: `/dev/ttyUSB0`, `COM3`, or a pyserial URL such as `rfc2217://192.0.2.30:7000`.
+        port: `/dev/ttyUSB0`, `COM3`, `\\\\.\\COM10`, or a pyserial URL such as `rfc2217://192.0.2.30:7000`.
         baud: Bits a second.
         parity: `N`, `E` or `O`.
         bits: Data bits, 8 or 7.
@@ -85,58 +82,5 @@ def open_port(line: Line) -> serial.Serial:
             **local,
         )
     except _REFUSED as error:
-        what, hint = _why_not(line, error)
+        what, hint = why_not(line, error)
         raise LinkError(f"{line.port}: {what}", hint=hint) from error
-
-
-def _why_not(line: Line, error: Exception) -> tuple[str, str]:
-    code, text = getattr(error, "errno", None), str(error)
-    if not isinstance(error, OSError | ValueError):
-        settings = f"{line.baud} {line.bits}{line.parity}{line.stop}"
-        return f"the adapter refuses {settings}", "try another baud rate or parity, or another adapter"
-    if code == errno.ENOENT or "FileNotFoundError" in text:
-        there = ", ".join(sorted(port.device for port in list_ports.comports())) or "none"
-        return "no such port", f"is the adapter plugged in? ports here: {there}"
-    if code in (errno.EAGAIN, errno.EBUSY) or (sys.platform == "win32" and "PermissionError" in text):
-        holder = _holder(line.port)
-        return f"port is busy{holder}", "another program has it open; close that first"
-    if code == errno.EACCES:
-        group = _group(line.port)
-        return "no permission", (
-            f"the port belongs to group {group}: sudo usermod -aG {group} $USER, then log in again"
-            if group
-            else "run as a user who may open this port"
-        )
-    return f"cannot be opened ({text})", "check the settings that this adapter supports"
-
-
-def _group(port: str) -> str:
-    """Name the group that owns a port, empty where groups do not exist."""
-    try:
-        import grp
-    except ImportError:  # Windows
-        return ""
-    try:
-        return grp.getgrgid(os.stat(port).st_gid).gr_name
-    except (OSError, KeyError):
-        return ""
-
-
-def _holder(port: str) -> str:
-    """Say which program has a port open, as far as this system tells (Linux, own processes)."""
-    try:
-        wanted = os.path.realpath(port)
-        for entry in Path("/proc").glob("[0-9]*/fd/*"):
-            if _points_to(entry, wanted) and entry.parts[2] != str(os.getpid()):
-                name = Path("/proc", entry.parts[2], "comm").read_text().strip()
-                return f" (held by {name}, process {entry.parts[2]})"
-    except OSError:
-        pass
-    return ""
-
-
-def _points_to(entry: Path, wanted: str) -> bool:
-    try:
-        return str(entry.readlink()) == wanted
-    except OSError:
-        return False

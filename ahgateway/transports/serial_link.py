@@ -25,6 +25,7 @@ from ahgateway.transports.engine import Engine, Limits
 from ahgateway.transports.framing import Framing
 from ahgateway.transports.line import Line, open_port
 from ahgateway.transports.pdu import describe
+from ahgateway.transports.port_errors import why_gone
 from ahgateway.transports.rtu import RtuReplies
 from ahgateway.transports.tcp import BACKOFF_MAX_NS, BACKOFF_MIN_NS
 
@@ -215,7 +216,7 @@ class SerialLink:
         return port
 
     def _went_away(self, error: Exception) -> None:
-        what = f"the port went away ({error})"
+        what = why_gone(error)
         self._note_outage(what)
         self._close_port()
         self._engine.lost(self._clock.now_ns(), what, "is the adapter still plugged in? the link opens it again")
