@@ -64,6 +64,8 @@ def commission(
     pv_rate: Annotated[float | None, typer.Option(min=0.0, help="PV's largest rate a second; no limit.")] = None,
     answer: Annotated[float, typer.Option(metavar="SECONDS", min=1.0, help="Time for PV to answer a step.")] = 60.0,
     minutes: Annotated[float, typer.Option(min=1.0, max=60.0, help="Longest time of step 5.")] = 15.0,
+    search: Annotated[float, typer.Option(metavar="SECONDS", min=0.0, help="Time to search for a silent PLC.")] = 60.0,
+    idle: Annotated[float, typer.Option(metavar="SECONDS", min=0.0, help="Time to idle on a TCP connection.")] = 40.0,
     by: Annotated[str | None, typer.Option(help="Who commissions; the user of this machine otherwise.")] = None,
     instrument: Annotated[list[str] | None, typer.Option(help="An instrument used; several times.")] = None,
     remarks: Annotated[str, typer.Option(help="Anything for the sheet.")] = "",
@@ -89,6 +91,7 @@ def commission(
 
     Example: ahgateway commission demo --loop TIC-101 --arm TIC-101 --auto
     """
+    from ahgateway.apps.commission.link import Patience
     from ahgateway.apps.commission.run import Wishes
     from ahgateway.cli.targets import resolved
     from ahgateway.clock import SECOND
@@ -107,6 +110,7 @@ def commission(
     wishes = Wishes(
         executions, round(observe * SECOND), coverage, arm is not None, step, pv_band, pv_rate,
         round(answer * SECOND), round(minutes * 60 * SECOND), marker and arm is not None,
+        Patience(round(search * SECOND), round(idle * SECOND)),
     )  # fmt: skip
     asked = Asked(
         auto, who_asks(by), tuple(instrument or ()), remarks, state or Path(f"commission-{found.name}.json"),

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ahgateway.apps.commission.checks import Check, Outcome, Progress, Step
+from ahgateway.apps.commission.link import Patience
 from ahgateway.apps.commission.run import Commission, Wishes
 from ahgateway.clock import MILLISECOND, SECOND, VirtualClock
 from ahgateway.codec.access import Read, Request, Table
@@ -50,8 +51,11 @@ ALLOWED = {(Table.HOLDING, 118), (Table.HOLDING, 120), (Table.HOLDING, 122), (Ta
 """MV_MAX, MV_MIN, MOUT at D118, D120, D122 and PID_MAN at M2."""
 
 WISHES = Wishes(
-    executions=25, observe_ns=12 * SECOND, coverage_min=0.3, is_armed=True, answer_ns=6 * SECOND, total_ns=120 * SECOND
-)
+    executions=25, observe_ns=12 * SECOND, coverage_min=0.3, is_armed=True, answer_ns=6 * SECOND, total_ns=120 * SECOND,
+    patience=Patience(60 * SECOND, 0),
+)  # fmt: skip
+NOT_ASKED = {"wrong-line", "wrong-port", "slow-adapter", "idle-disconnect", "marker"}
+"""Checks of a serial line, and those that nobody asked for."""
 
 
 def text(map_name: str) -> str:

@@ -1,38 +1,39 @@
 """Step 1, find the link: does the target answer, as which unit, in which framing, how fast, in how long requests?
 
-What the profile says is tried first. Only when that is silent, other settings are tried in a sensible order within a
-stated time, each with a proof read: the loop's first registers twice, in two lengths that must agree.
+`link_search` finds the way. What is measured on it is what the profile's pacing needs: the longest request, requests
+in flight, the time of a picture, an adapter that keeps bytes back, a connection that is closed while it idles.
 """
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable, Iterator
+import asyncio
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
 
 from ahgateway.apps.commission.checks import Check, failed, judged, passed, skipped, unclear
+from ahgateway.apps.commission.link_search import SERIAL, Opener, Search, name, search
 from ahgateway.clock import MILLISECOND, SECOND, Clock
 from ahgateway.codec import block
 from ahgateway.codec.access import Read, Span, Table
 from ahgateway.codec.station import Loop, Station
-from ahgateway.errors import AhGatewayError, PlcRefusedError, TransportError
-from ahgateway.lockstep.picture import Sampler, Sees
+from ahgateway.errors import PlcRefusedError, TransportError
+from ahgateway.lockstep.follow import cycle_ns
+from ahgateway.lockstep.patient import BUSY, Patient
+from ahgateway.lockstep.picture import Picture, Sampler, Sees
+from ahgateway.transports.adapter import LATENCY_MS_GOOD, adapter_of, adapters
 from ahgateway.transports.base import Link
+from ahgateway.transports.uri import parse_uri
 
 ROUNDS = 20
-BUDGET_NS = 60 * SECOND
 LENGTHS = (125, 100, 64, 32, 20)
-UNITS = (1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 0, 255)
-SERIAL = (
-    "baud=9600&parity=E&bits=7", "baud=9600&parity=E", "baud=19200&parity=E", "baud=38400&parity=E",
-    "baud=57600&parity=E", "baud=115200&parity=E", "baud=9600&parity=N", "baud=19200&parity=N", "baud=115200&parity=N",
+IN_FLIGHT = (8, 4, 2)
+IDLE_FIRST_NS = SECOND
+NAMES = (
+    "wrong-unit", "wrong-framing", "wrong-line", "wrong-port", "slow-adapter", "short-requests", "requests-in-flight",
+    "slow-link", "busy", "idle-disconnect",
 )  # fmt: skip
-"""Delta's factory setting first; seven bits only where the line speaks ASCII."""
-BUSY = 6
-
-Opener = Callable[[Station], Awaitable[Link]]
-"""Opens the link to a station; the caller closes it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,8 +44,32 @@ class Found:
     changes: dict[str, str | int]
 
 
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """How long step 1 may take beyond its few seconds.
+
+    Attributes:
+        search_ns: For trying other ways when the profile's own is silent.
+        idle_ns: For finding out whether a connection is closed while it idles; 0 leaves it out.
+    """
+
+    search_ns: int = 60 * SECOND
+    idle_ns: int = 40 * SECOND
+
+
+PATIENCE = Patience()
+"""What is waited when nobody says otherwise."""
+
+
 async def find(
-    station: Station, loop: Loop, opener: Opener, clock: Clock, sees: Sees | None = None
+    station: Station,
+    loop: Loop,
+    opener: Opener,
+    clock: Clock,
+    sees: Sees | None = None,
+    *,
+    patience: Patience = PATIENCE,
+    ports: Iterable[str] | None = None,
 ) -> tuple[Found | None, list[Check]]:
     """Return the way to the PLC and the checks of step 1; None when nothing answered.
 
@@ -54,152 +79,99 @@ async def find(
         opener: Opens a link to a variant of the station.
         clock: Bounds the search and measures round trips.
         sees: Shown every picture.
+        patience: How long it may take.
+        ports: Serial ports to try besides the profile's own; None for all of this machine.
     """
-    tried: list[str] = []
-    ends_ns = clock.now_ns() + BUDGET_NS
-    for variant in _variants(station):
-        if tried and clock.now_ns() >= ends_ns:
-            break
-        if await _answers(variant, loop, opener):
-            found = Found(variant, _changes(station, variant))
-            return found, [*_identity(station, variant), *await _measured(found, loop, opener, clock, sees)]
-        tried.append(_name(variant))
-    names = ("wrong-unit", "wrong-framing", "short-requests", "slow-link", "busy")
-    text = f"nothing answers; {len(tried)} settings tried: {', '.join(tried[:6])}{', …' if len(tried) > 6 else ''}"
-    return None, [failed("no-answer", text), *(skipped(name, "nothing answers") for name in names)]
-
-
-def _name(station: Station) -> str:
-    return f"{station.target} unit {station.unit}"
-
-
-def _variants(station: Station) -> Iterator[Station]:
-    """The profile's own settings first, then other units, then other framings of the same place."""
-    yield station
-    for unit in UNITS:
-        if unit != station.unit:
-            yield _with(station, unit=unit)
-    for target in _framings(station.target):
-        for unit in dict.fromkeys((station.unit, 1)):
-            yield _with(station, target=target, unit=unit)
-
-
-def _with(station: Station, *, target: str | None = None, unit: int | None = None) -> Station:
-    text = target or station.target
-    base, _, query = text.partition("?")
-    options = "&".join(option for option in query.split("&") if option and not option.startswith("unit="))
-    return replace(
-        station, target=f"{base}?{options}" if options else base, unit=station.unit if unit is None else unit
-    )
-
-
-def _framings(target: str) -> list[str]:
-    scheme, _, rest = target.partition("://")
-    place = rest.partition("?")[0]
-    if scheme in ("modbus+rtu", "modbus+ascii"):
-        found = [f"modbus+ascii://{place}?{options}" for options in SERIAL]
-        found += [f"modbus+rtu://{place}?{options}" for options in SERIAL if "bits=7" not in options]
-        return [each for each in found if each != target]
-    if scheme in ("modbus+tcp", "modbus+rtu+tcp", "modbus+ascii+tcp"):
-        place = place if ":" in place else f"{place}:502"
-        return [
-            f"{other}://{place}" for other in ("modbus+tcp", "modbus+rtu+tcp", "modbus+ascii+tcp") if other != scheme
-        ]
-    return []
-
-
-async def _answers(station: Station, loop: Loop, opener: Opener) -> bool:
-    """Prove one way: the same registers in two lengths, which must agree; a refusal is an answer too."""
-    link: Link | None = None
-    try:
-        link = await opener(station)
-        span = _first_span(station, loop)
-        for _ in range(3):
-            try:
-                whole = await link.exchange(Read(station.unit, span.table, span.address, span.count))
-                part = await link.exchange(Read(station.unit, span.table, span.address, span.count - 1))
-            except PlcRefusedError as error:
-                if error.code != BUSY:
-                    return True
-                continue
-            if whole.values[: span.count - 1] == part.values:
-                return True
-        return False
-    except AhGatewayError:
-        return False
-    finally:
-        if link is not None:
-            await link.close()
-
-
-def _first_span(station: Station, loop: Loop) -> Span:
-    """Words that stand still: CYCLE and its neighbour are written by nobody."""
-    spans = [span for span in block.spans(loop, station.devices).values() if span.table is Table.HOLDING]
-    by_name = block.spans(loop, station.devices)
-    return by_name["CYCLE"] if by_name.get("CYCLE") in spans else spans[0]
+    others = tuple(each.port for each in adapters()) if ports is None else tuple(ports)
+    done = await search(station, loop, opener, clock, ports=others, budget_ns=patience.search_ns)
+    if done.found is None:
+        checks = [failed("no-answer", f"nothing answers; {done.text}")]
+        return None, [*checks, *(skipped(each, "nothing answers") for each in NAMES)]
+    found = Found(done.found, _changes(station, done.found))
+    return found, [*_identity(station, done), *await _measured(found, loop, opener, clock, sees, patience)]
 
 
 def _changes(station: Station, found: Station) -> dict[str, str | int]:
     changes: dict[str, str | int] = {}
-    if (
-        found.target.partition("?")[0] != station.target.partition("?")[0]
-        or found.target.partition("://")[0] != (station.target.partition("://")[0])
-    ):
+    if found.target != station.target or (found.unit != station.unit and "unit=" in station.target):
         changes["target"] = found.target
     if found.unit != station.unit:
         changes["unit"] = found.unit
-        if "unit=" in station.target:
-            changes["target"] = found.target
     return changes
 
 
-def _identity(station: Station, found: Station) -> list[Check]:
-    is_framing = found.target.partition("://")[0] == station.target.partition("://")[0]
-    is_same = found.target.partition("?")[0] == station.target.partition("?")[0]
+def _identity(station: Station, done: Search) -> list[Check]:
+    found = done.found
+    assert found is not None
+    here, there = parse_uri(station.target), parse_uri(found.target)
+    is_serial = here.scheme in SERIAL
+    is_line = {**here.options, "unit": ""} == {**there.options, "unit": ""} or found.target == station.target
+    silent = f"{name(station)} is silent"
+    aspects = (
+        ("wrong-unit", found.unit == station.unit, f"unit {found.unit} answers"),
+        ("wrong-framing", here.scheme == there.scheme, f"{there.scheme} answers"),
+    )
+    checks = [
+        passed("no-answer", f"{name(found)} answers; {done.text}" if done.tried > 1 else f"{name(found)} answers")
+    ]
+    checks += [judged(each, good, text if good else f"{text}, {silent}") for each, good, text in aspects]
+    if not is_serial:
+        why = "a network has no line settings"
+        return [*checks, skipped("wrong-line", why), skipped("wrong-port", why)]
+    text = f"{found.target} answers"
     return [
-        passed("no-answer", f"{_name(found)} answers"),
-        judged(
-            "wrong-unit", found.unit == station.unit,
-            f"unit {found.unit} answers" + ("" if found.unit == station.unit else f", unit {station.unit} is silent"),
-        ),
-        judged(
-            "wrong-framing", is_framing and is_same,
-            f"{found.target} answers" + ("" if is_framing and is_same else f", {station.target} is silent"),
-        ),
-    ]  # fmt: skip
+        *checks,
+        judged("wrong-line", is_line, text if is_line else f"{text}, {silent}"),
+        judged("wrong-port", here.path == there.path, text if here.path == there.path else f"{text}, {silent}"),
+    ]
 
 
-async def _measured(found: Found, loop: Loop, opener: Opener, clock: Clock, sees: Sees | None) -> list[Check]:
+async def _measured(
+    found: Found, loop: Loop, opener: Opener, clock: Clock, sees: Sees | None, patience: Patience
+) -> list[Check]:
     """Round trips, longest request, time of a picture; what is too long is noted as a change of the profile."""
     station = found.station
+    checks = [_adapter(station)]
     link = await opener(station)
     try:
-        longest = await _longest(station, loop, link)
-        checks = [_short(station, found, longest)]
+        longest = await _longest(station, loop, Patient(link, clock))
+        checks.append(_short(station, found, longest))
         if longest and longest < station.pacing.words_per_request_max:
             station = replace(station, pacing=replace(station.pacing, words_per_request_max=longest))
-        return [*checks, *await _paced(station, loop, link, clock, sees)]
+        checks.append(await _in_flight(station, found, loop, opener))
+        checks += await _paced(station, loop, link, clock, sees)
+        checks.append(await _idle(station, found, loop, link, clock, patience.idle_ns))
+        return checks
     except TransportError as error:
-        return [unclear(name, error.message) for name in ("short-requests", "slow-link", "busy")]
+        made = {check.name for check in checks}
+        return [*checks, *(unclear(each, error.message) for each in NAMES[5:] if each not in made)]
     finally:
         await link.close()
 
 
+def _adapter(station: Station) -> Check:
+    """The latency timer of the USB adapter, where the system shows it."""
+    target = parse_uri(station.target)
+    if target.scheme not in SERIAL or "://" in target.path:
+        return skipped("slow-adapter", "there is no adapter of this machine between us and the line")
+    adapter = adapter_of(target.path)
+    if adapter.latency_ms is None:
+        return skipped("slow-adapter", f"{adapter.port}: {adapter.product} shows no latency timer")
+    text = f"{adapter.port}: {adapter.product} keeps bytes back for up to {adapter.latency_ms} ms"
+    return judged("slow-adapter", adapter.latency_ms <= LATENCY_MS_GOOD, text, latency_ms=adapter.latency_ms)
+
+
 async def _longest(station: Station, loop: Loop, link: Link) -> int:
     """Longest read that is answered; 0 when even the shortest is refused."""
-    address = min(span.address for span in block.spans(loop, station.devices).values() if span.table is Table.HOLDING)
+    address = _first_address(station, loop)
     for length in LENGTHS:
-        span = Span(Table.HOLDING, address, length)
-        if not station.devices.covers(span):
+        if not station.devices.covers(Span(Table.HOLDING, address, length)):
             continue
-        for _ in range(3):
-            try:
-                await link.exchange(Read(station.unit, span.table, span.address, span.count))
-            except PlcRefusedError as error:
-                if error.code != BUSY:
-                    break
-            else:
-                return length
+        try:
+            await link.exchange(Read(station.unit, Table.HOLDING, address, length))
+        except PlcRefusedError:
+            continue
+        return length
     return 0
 
 
@@ -211,6 +183,37 @@ def _short(station: Station, found: Found, longest: int) -> Check:
     if longest < asked:
         found.changes["pacing.words_per_request_max"] = longest
     return judged("short-requests", longest >= asked, text, longest=longest)
+
+
+async def _in_flight(station: Station, found: Found, loop: Loop, opener: Opener) -> Check:
+    """How many requests may be under way at once; the profile's own number must work, more is only told."""
+    asked = station.pacing.requests_in_flight_max
+    if not station.target.startswith("modbus+tcp:"):
+        return skipped("requests-in-flight", "this wire carries one request at a time")
+    works = 1
+    for count in (*(each for each in IN_FLIGHT if each > asked), *((asked,) if asked > 1 else ())):
+        if await _answers_at_once(station, loop, opener, count):
+            works = count
+            break
+    if works < asked:
+        found.changes["pacing.requests_in_flight_max"] = works
+    text = f"{works} at once {'are' if works > 1 else 'is'} answered, the profile asks for {asked}"
+    return judged("requests-in-flight", works >= asked, text, in_flight=works)
+
+
+async def _answers_at_once(station: Station, loop: Loop, opener: Opener, count: int) -> bool:
+    """Send so many reads at once, each in a length of its own, and see all of them answered."""
+    first = _first_address(station, loop)
+    reads = [Read(station.unit, Table.HOLDING, first, 1 + number) for number in range(count)]
+    link = await opener(replace(station, pacing=replace(station.pacing, requests_in_flight_max=count)))
+    try:
+        replies = await asyncio.gather(*(link.exchange(read) for read in reads), return_exceptions=True)
+        return all(
+            not isinstance(reply, BaseException) and len(reply.values) == read.count
+            for read, reply in zip(reads, replies, strict=True)
+        )
+    finally:
+        await link.close()
 
 
 async def _paced(station: Station, loop: Loop, link: Link, clock: Clock, sees: Sees | None) -> list[Check]:
@@ -230,8 +233,8 @@ async def _paced(station: Station, loop: Loop, link: Link, clock: Clock, sees: S
         times_ns.append(clock.now_ns() - begun_ns)
         if picture is None:
             torn += 1
-        elif _is_legal(loop, picture.inputs.cycle):
-            cycle_s = float(loop.controller.nominal_ts(picture.inputs))
+        elif _is_legal(loop, picture):
+            cycle_s = cycle_ns(loop, picture) / SECOND
     asked = f"{busy} of {ROUNDS} pictures met a busy PLC"
     checks = [judged("busy", not busy, asked, busy=busy)]
     if torn and torn == len(times_ns):
@@ -244,9 +247,46 @@ async def _paced(station: Station, loop: Loop, link: Link, clock: Clock, sees: S
     return [judged("slow-link", good, text, median_ms=round(middle, 3), worst_ms=round(worst, 3)), *checks]
 
 
-def _is_legal(loop: Loop, cycle: int) -> bool:
-    row = loop.controller.operand("CYCLE")
-    return (row.minimum or 0) <= cycle <= (row.maximum or cycle)
+async def _idle(station: Station, found: Found, loop: Loop, link: Link, clock: Clock, budget_ns: int) -> Check:
+    """Leave the connection alone for longer and longer, and see whether it still is the same one."""
+    if "tcp" not in station.target.partition("://")[0]:
+        return skipped("idle-disconnect", "a serial line has no connection that could be closed")
+    if not budget_ns:
+        return skipped("idle-disconnect", "not asked for: --idle SECONDS")
+    read = Read(station.unit, Table.HOLDING, _first_address(station, loop), 1)
+    wait_ns, good_ns, spent_ns = IDLE_FIRST_NS, 0, 0
+    while spent_ns + wait_ns <= budget_ns:
+        before = link.figures.reconnects
+        await clock.sleep_ns(wait_ns)
+        try:
+            await link.exchange(read)
+            is_same = link.figures.reconnects == before
+        except TransportError:
+            is_same = False
+        if not is_same:
+            return _closes(station, found, good_ns, wait_ns)
+        spent_ns, good_ns, wait_ns = spent_ns + wait_ns, wait_ns, 2 * wait_ns
+    return passed("idle-disconnect", f"a connection that idled for {good_ns / SECOND:g} s was still open")
+
+
+def _closes(station: Station, found: Found, good_ns: int, bad_ns: int) -> Check:
+    """The PLC closes an idle connection somewhere between two waits; ours is closed before that."""
+    text = f"the connection was closed while it idled for {bad_ns / SECOND:g} s, after {good_ns / SECOND:g} s it stood"
+    ours_ms = station.pacing.close_when_idle_ms
+    if good_ns:
+        found.changes["pacing.close_when_idle_ms"] = good_ns // MILLISECOND
+    return judged("idle-disconnect", 0 < ours_ms * MILLISECOND < bad_ns, text, closed_within_s=bad_ns / SECOND)
+
+
+def _is_legal(loop: Loop, picture: Picture) -> bool:
+    """Tell whether CYCLE, where the controller has one, is within the manual's range."""
+    row = next((row for row in loop.controller.operands if row.name == "CYCLE"), None)
+    return row is None or (row.minimum or 0) <= picture.inputs.cycle <= (row.maximum or picture.inputs.cycle)
+
+
+def _first_address(station: Station, loop: Loop) -> int:
+    spans = block.spans(loop, station.devices).values()
+    return min((span.address for span in spans if span.table is Table.HOLDING), default=0)
 
 
 def amended(text: str, changes: dict[str, str | int]) -> str:

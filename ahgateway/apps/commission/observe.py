@@ -14,6 +14,7 @@ from ahgateway.lockstep.causes import Suspect
 from ahgateway.lockstep.events import Change, Finding
 from ahgateway.lockstep.follow import Event, Follower, cycle_ns
 from ahgateway.lockstep.judge import Execution
+from ahgateway.lockstep.patient import BUSY
 from ahgateway.lockstep.picture import Picture, Sampler, Sees
 from ahgateway.transports.base import Link
 
@@ -22,7 +23,6 @@ POLL_MIN_NS = 5 * MILLISECOND
 POLL_MAX_NS = SECOND
 RETRY_NS = 200 * MILLISECOND
 GIVE_UP_NS = 10 * SECOND
-BUSY = 6
 
 
 @dataclass(slots=True)

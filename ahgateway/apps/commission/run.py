@@ -10,6 +10,7 @@ from typing import Any
 from ahgateway.apps.commission import link as link_step
 from ahgateway.apps.commission import mapping, observe, reading, wiring
 from ahgateway.apps.commission.checks import Check, Outcome, Progress, Step, save, skipped, unclear
+from ahgateway.apps.commission.link_search import Opener
 from ahgateway.apps.report import number
 from ahgateway.apps.witness import Witness
 from ahgateway.clock import SECOND, Clock
@@ -19,6 +20,7 @@ from ahgateway.codec.words import decode
 from ahgateway.core.operands import Kind
 from ahgateway.errors import AhGatewayError, TransportError
 from ahgateway.lockstep.gate.gate import Gate
+from ahgateway.lockstep.patient import Patient
 from ahgateway.lockstep.picture import Picture
 from ahgateway.transports.base import Link
 
@@ -41,6 +43,7 @@ class Wishes:
         answer_ns: How long PV is given to answer a step.
         total_ns: Longest time of step 5.
         is_marked: A marker may be written to the scratch words.
+        patience: How long step 1 may search, and listen to an idle connection.
     """
 
     executions: int = 60
@@ -53,6 +56,7 @@ class Wishes:
     answer_ns: int = 60 * SECOND
     total_ns: int = 900 * SECOND
     is_marked: bool = False
+    patience: link_step.Patience = link_step.PATIENCE
 
 
 class Commission:
@@ -75,7 +79,7 @@ class Commission:
         self,
         station: Station,
         loop: Loop,
-        opener: link_step.Opener,
+        opener: Opener,
         clock: Clock,
         progress: Progress,
         *,
@@ -104,12 +108,14 @@ class Commission:
         Raises:
             ProfileError: Progress cannot be kept.
         """
-        if not await self._link(said):
+        if not await self._link(wishes, said):
             return
         link = await self._opener(self.station)
         try:
             if not self.progress.is_done(Step.MAP):
-                checks = await self._guarded("no-loop-there", mapping.settle(self.station, self.loop, link, self._maps))
+                checks = await self._guarded(
+                    "no-loop-there", mapping.settle(self.station, self.loop, Patient(link, self._clock), self._maps)
+                )
                 self._done(Step.MAP, [*checks, await self._marked(link, wishes, checks)], said)
             if any(check.outcome is Outcome.FAIL for check in self.progress.steps[Step.MAP]):
                 return
@@ -121,16 +127,18 @@ class Commission:
         finally:
             await link.close()
 
-    async def _link(self, said: Said) -> bool:
+    async def _link(self, wishes: Wishes, said: Said) -> bool:
         if self.progress.is_done(Step.LINK):
             return True
-        found, checks = await link_step.find(self.station, self.loop, self._opener, self._clock, self._witness.see)
+        found, checks = await link_step.find(
+            self.station, self.loop, self._opener, self._clock, self._witness.see, patience=wishes.patience
+        )
         if found is not None:
-            station, self.changes = found.station, dict(found.changes)
-            words = self.changes.get("pacing.words_per_request_max")
-            if words is not None:
-                station = replace(station, pacing=replace(station.pacing, words_per_request_max=int(words)))
-            self.station = station
+            self.changes = dict(found.changes)
+            pacing = {
+                key.removeprefix("pacing."): int(value) for key, value in self.changes.items() if "pacing." in key
+            }
+            self.station = replace(found.station, pacing=replace(found.station.pacing, **pacing))
             self.progress.facts["changes"] = self.changes
         self._done(Step.LINK, checks, said)
         return found is not None

@@ -20,6 +20,7 @@ from ahgateway.lockstep.follow import cycle_ns
 from ahgateway.lockstep.gate.change import shown
 from ahgateway.lockstep.gate.gate import Gate
 from ahgateway.lockstep.gate.states import State
+from ahgateway.lockstep.patient import BUSY, Patient
 from ahgateway.lockstep.picture import Picture, Sampler, Sees
 from ahgateway.transports.base import Link
 
@@ -31,7 +32,6 @@ SIGNIFICANT = 6.0
 """PV has moved when it left the noise around its drift by so many standard deviations, three pictures in a row."""
 BASELINE_SHARE = 0.5
 """Share of the time for an answer that is spent on the noise and drift before the first step."""
-BUSY = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ async def prove(
     gate: Gate, station: Station, loop: Loop, link: Link, clock: Clock, bounds: Envelope, sees: Sees | None = None
 ) -> Proof:
     """Run the test and put everything back; what goes wrong is a check, never an exception of the weather."""
-    test = _Test(gate, Sampler(loop, station, link, clock, sees), loop, clock, bounds)
+    test = _Test(gate, Sampler(loop, station, Patient(link, clock), clock, sees), loop, clock, bounds)
     try:
         async with gate.armed("prove the wiring", duration_ns=bounds.total_ns):
             await test.run()
@@ -163,12 +163,7 @@ class _Test:
         """Take a picture, hold it against the envelope and against what we wrote."""
         while True:
             await self.gate.check()
-            try:
-                picture = await self.sampler.picture()
-            except PlcRefusedError as error:
-                if error.code != BUSY:
-                    raise
-                picture = None
+            picture = await self.sampler.picture()
             if picture is not None:
                 break
             await self.gate.pause(self._poll_ns)

@@ -6,16 +6,15 @@ from ahgateway.clock import MILLISECOND, Clock
 from ahgateway.codec.access import Read, Span, Write
 from ahgateway.codec.station import Loop, Station
 from ahgateway.codec.words import decode
-from ahgateway.errors import PlcRefusedError, StateError
+from ahgateway.errors import StateError
 from ahgateway.lockstep.gate.change import Item, Step, shown
+from ahgateway.lockstep.patient import Patient
 from ahgateway.lockstep.picture import Picture, Sampler, Sees
 from ahgateway.transports.base import Link
 
 SETTLE_SCANS = 2
 """A write stands in memory behind the scan in which it came; a program that overwrites it does so within the next."""
 READ_BACK_TRIES = 4
-BUSY = 6
-BUSY_TRIES = 5
 PICTURE_TRIES = 5
 
 
@@ -24,23 +23,20 @@ class Wire:
 
     Attributes:
         settle_ns: How long a write is given before it is read back, and a busy PLC before it is asked again.
+        link: The link, patient with a busy PLC.
     """
 
     def __init__(self, station: Station, loop: Loop, link: Link, clock: Clock, sees: Sees | None = None) -> None:
         self.settle_ns = max(20, SETTLE_SCANS * loop.scan_ms_max) * MILLISECOND
-        self._station, self._loop, self._link, self._clock = station, loop, link, clock
-        self._sampler = Sampler(loop, station, link, clock, sees)
+        self.link = Patient(link, clock, self.settle_ns)
+        self._station, self._loop, self._clock = station, loop, clock
+        self._sampler = Sampler(loop, station, self.link, clock, sees)
         self._sampler.plan = self._sampler.plan.as_command()
 
     async def picture(self) -> Picture:
-        """Return one picture; it is a read, so that a busy PLC or a torn picture is simply asked again."""
-        for tried in range(1, PICTURE_TRIES + 1):
-            try:
-                picture = await self._sampler.picture()
-            except PlcRefusedError as error:
-                if error.code != BUSY or tried == PICTURE_TRIES:
-                    raise
-                picture = None
+        """Return one picture; it is a read, so that a torn one is simply taken again."""
+        for _ in range(PICTURE_TRIES):
+            picture = await self._sampler.picture()
             if picture is not None:
                 return picture
             await self._clock.sleep_ns(self.settle_ns)
@@ -53,16 +49,12 @@ class Wire:
             TransportError: The link failed; nobody knows whether it arrived.
             PlcRefusedError: The PLC refused it.
         """
-        for tried in range(1, BUSY_TRIES + 1):
-            try:
-                await self._link.exchange(request)
-            except PlcRefusedError as error:
-                # Busy is an answer: it was not carried out, so that asking again is no blind repeat.
-                if error.code != BUSY or tried == BUSY_TRIES:
-                    raise
-                await self._clock.sleep_ns(self.settle_ns)
-            else:
-                return
+        await self.link.exchange(request)
+
+    async def read(self, span: Span) -> tuple[int, ...]:
+        """Read afresh."""
+        request = Read(self._station.unit, span.table, span.address, span.count, is_command=True)
+        return (await self.link.exchange(request)).values
 
     async def read_back(self, step: Step) -> str:
         """Wait out the settle window and compare a fresh read, after rounding, word by word.
@@ -87,20 +79,6 @@ class Wire:
                     f"{item.operand} {item.device} holds {_shown(item, stands)}{back}, not {shown(item.new_value)}"
                 )
         return "; ".join(texts)
-
-    async def read(self, span: Span) -> tuple[int, ...]:
-        """Read afresh; a busy PLC is asked again."""
-        request = Read(self._station.unit, span.table, span.address, span.count, is_command=True)
-        for tried in range(1, BUSY_TRIES + 1):
-            try:
-                reply = await self._link.exchange(request)
-            except PlcRefusedError as error:
-                if error.code != BUSY or tried == BUSY_TRIES:
-                    raise
-                await self._clock.sleep_ns(self.settle_ns)
-            else:
-                return reply.values
-        raise AssertionError("the last try returned or raised")
 
 
 def _shown(item: Item, words: tuple[int, ...]) -> str:

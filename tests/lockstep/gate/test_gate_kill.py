@@ -37,7 +37,7 @@ async def sequence(gate: Gate) -> None:
         await gate.write({"SV": 52.5})
         await gate.write({"MV_MAX": 90.0, "MV_MIN": 5.0})
         await gate.write({"PID_MAN": True})
-        mout = float(gate._wire._link.inner.plc.read("L1", "MOUT"))
+        mout = float(gate.link.inner.plc.read("L1", "MOUT"))
         await gate.write({"MOUT": mout + 2.0})
         await gate.write({"PID_MAN": False})
 

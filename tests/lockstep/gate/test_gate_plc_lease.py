@@ -200,7 +200,7 @@ async def test_a_link_that_is_lost_for_longer_than_the_lease_is_no_takeover(worl
             if world.clock.now_ns() < gone_ns:
                 raise LinkError("unplugged")
 
-        gate._wire._sampler._link = gate._wire._link = FailingLink(world.link, gone)
+        gate._wire.link._link = FailingLink(world.link, gone)
     assert State.DISARMED is gate.state
     assert AS_FOUND == world.holds(*NAMES)
     assert 1 == world.word(RESULT)
@@ -224,7 +224,7 @@ async def test_what_cannot_be_given_back_is_not_called_kept(world: LeasedWorld) 
             lost.append(request)
             raise LinkError("unplugged")
 
-    gate._wire._sampler._link = gate._wire._link = FailingLink(world.link, lose)
+    gate._wire.link._link = FailingLink(world.link, lose)
     with pytest.raises(LinkError):
         async with gate.armed("test", keep=True):
             await gate.write({"SV": 52.5})

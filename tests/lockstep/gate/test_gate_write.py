@@ -315,7 +315,7 @@ async def test_a_link_that_comes_back_lets_everything_go_back(world: GateWorld) 
             if world.clock.now_ns() < gone_ns:
                 raise LinkError("unplugged")
 
-        gate._wire._sampler._link = gate._wire._link = FailingLink(world.link, gone)
+        gate._wire.link._link = FailingLink(world.link, gone)
     assert [0x42480000] == world.holds("SV")
 
 
