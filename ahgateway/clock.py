@@ -7,10 +7,17 @@ from __future__ import annotations
 
 import asyncio
 import time
+from datetime import UTC, datetime
 from typing import Protocol
 
 MILLISECOND = 1_000_000
 SECOND = 1_000_000_000
+
+
+def utc_text(utc_ns: int) -> str:
+    """Return the time of day of a UTC time, `12:00:00.000123`."""
+    seconds, rest_ns = divmod(utc_ns, SECOND)
+    return f"{datetime.fromtimestamp(seconds, UTC):%H:%M:%S}.{rest_ns // 1000:06d}"
 
 
 class Clock(Protocol):

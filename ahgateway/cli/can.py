@@ -6,14 +6,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ahgateway.cli.can_dump import dump
 from ahgateway.cli.view import Output, print_json
+from ahgateway.clock import utc_text
 
 if TYPE_CHECKING:
-    from ahgateway.codec.can_frame import CanFrame
     from ahgateway.codec.station import Station
     from ahgateway.fake.plc import FakePlc
-    from ahgateway.transports.can.bus import CanBus
-    from ahgateway.transports.can.reader import Trouble
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -22,129 +21,7 @@ app = typer.Typer(
 )
 
 
-@app.command()
-def dump(
-    target: Annotated[str, typer.Argument(metavar="TARGET", help="Bus, such as canopen://socketcan/can0.")],
-    profile: Annotated[str | None, typer.Option(help="Profile whose PDOs are decoded.")] = None,
-    listen_only: Annotated[
-        bool, typer.Option("--listen-only/--acknowledge", help="Do not even acknowledge, where the adapter can.")
-    ] = True,
-    duration: Annotated[float | None, typer.Option(help="Stop after so many seconds.", min=0.0)] = None,
-    count: Annotated[int | None, typer.Option(help="Stop after so many frames.", min=1)] = None,
-    output: Annotated[Output, typer.Option(help="text for people, json for one object per line.")] = Output.TEXT,
-) -> None:
-    """Print every frame on a bus, decoded as CANopen; it sends nothing.
-
-    What happens to the adapter (lost, bus-off, error-passive, silent) is said on stderr, or is a line of its own with
-    --output json. Exit code 0 when frames were seen, 3 when none were.
-
-    Example: ahgateway can dump "canopen://socketcan/can0?bitrate=500000" --duration 5
-    """
-    import asyncio
-
-    from ahgateway.errors import ProfileError
-    from ahgateway.schema.profile import load
-    from ahgateway.transports.uri import parse_uri
-
-    parsed = parse_uri(target)
-    if parsed.scheme != "canopen":
-        raise ProfileError(f"`{target}` is no CAN bus", key="target", hint="it looks like canopen://socketcan/can0")
-    station = None if profile is None else load(profile).station()
-    from ahgateway.clock import WallClock
-    from ahgateway.transports.can.bus import bus_for
-
-    clock = WallClock()
-    bus = bus_for(parsed, clock, is_listen_only=listen_only)
-    raise typer.Exit(asyncio.run(_dump(bus, clock.utc_ns() - clock.now_ns(), station, duration, count, output)))
-
-
-async def _dump(
-    bus: CanBus,
-    utc_offset_ns: int,
-    station: Station | None,
-    duration_s: float | None,
-    count: int | None,
-    output: Output,
-) -> int:
-    import asyncio
-    import contextlib
-
-    from ahgateway.cli.interrupt import stop_event
-
-    with stop_event() as stop:
-        shown = _Shown(utc_offset_ns, station, count, output, stop.set)
-        bus.subscribe(shown.frame, shown.trouble)
-        try:
-            await bus.open()
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(duration_s):
-                    await stop.wait()
-        finally:
-            await bus.close()
-    figures = bus.figures
-    if output is Output.JSON:
-        print_json(
-            {"kind": "summary", "received": figures.received, "overflows": figures.overflows}
-            | {"garbage": figures.garbage, "error_frames": figures.error_frames, "losses": figures.losses}
-            | {"bus_offs": figures.bus_offs, "silences": figures.silences}
-        )
-    else:
-        typer.echo(
-            f"{figures.received} frames, {figures.overflows} overflowed, {figures.garbage} damaged, "
-            f"{figures.error_frames} error frames, interface lost {figures.losses} times",
-            err=True,
-        )
-    return 0 if figures.received else 3
-
-
-class _Shown:
-    """Where frames and trouble go, one line each."""
-
-    def __init__(
-        self, utc_offset_ns: int, station: Station | None, count: int | None, output: Output, stop: object
-    ) -> None:
-        self._utc_offset_ns = utc_offset_ns
-        self._can = station.can if station is not None else None
-        self._devices = station.devices if station is not None else None
-        self._left = count
-        self._output = output
-        self._stop = stop
-
-    def frame(self, frame: CanFrame) -> None:
-        from ahgateway.codec.can_frame import service
-        from ahgateway.codec.can_text import meaning
-
-        if self._left == 0:
-            return
-        said = meaning(frame, self._can, self._devices)
-        utc_ns = frame.now_ns + self._utc_offset_ns
-        if self._output is Output.JSON:
-            name, node = ("", 0) if frame.is_extended else service(frame.can_id)
-            print_json(
-                {"kind": "frame", "utc_ns": utc_ns, "id": frame.can_id, "extended": frame.is_extended}
-                | {"remote": frame.is_remote, "data": frame.data.hex(), "service": name, "node": node, "text": said}
-            )
-        else:
-            typer.echo(f"{_stamp(utc_ns)}  {frame!s:<32}  {said}".rstrip())
-        if self._left is not None:
-            self._left -= 1
-            if self._left == 0:
-                assert callable(self._stop)
-                self._stop()
-
-    def trouble(self, trouble: Trouble) -> None:
-        if self._output is Output.JSON:
-            utc_ns = trouble.now_ns + self._utc_offset_ns
-            print_json({"kind": "bus", "utc_ns": utc_ns, "name": trouble.name, "text": trouble.text})
-        elif trouble.name != "open":
-            typer.echo(f"{trouble.name}: {trouble.text}", err=True)
-
-
-def _stamp(utc_ns: int) -> str:
-    from datetime import UTC, datetime
-
-    seconds, rest_ns = divmod(utc_ns, 1_000_000_000)
-    return f"{datetime.fromtimestamp(seconds, UTC):%H:%M:%S}.{rest_ns // 1000:06d}"
+app.command()(dump)
 
 
 @app.command()
@@ -274,7 +151,7 @@ async def _node(station: Station, text: str, duration_s: float | None, output: O
                 | {"bits": f"0x{bits}", "text": shown}
             )
         else:
-            typer.echo(f"{_stamp(clock.utc_ns())}  {value.loop} {value.name} {shown} (0x{bits})")
+            typer.echo(f"{utc_text(clock.utc_ns())}  {value.loop} {value.name} {shown} (0x{bits})")
 
     own = int(target.options["node"])
     content = GatewayContent(node_layout(station), own, show)

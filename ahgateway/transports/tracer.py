@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import UTC, datetime
 
+from ahgateway.clock import utc_text
 from ahgateway.codec.access import Read, Request
 from ahgateway.codec.can_frame import unpack
 from ahgateway.codec.can_objects import CanMap
@@ -32,7 +32,7 @@ class Tracer:
 
     def line(self, frame: Frame) -> str:
         """Return one line: `12:00:00.000123 > 00 01 …  read 40 holding registers from 0x0000 of unit 1`."""
-        return f"{_stamp(frame.utc_ns)} {frame.direction} {frame.data.hex(' ')}  {self._meaning(frame)}"
+        return f"{utc_text(frame.utc_ns)} {frame.direction} {frame.data.hex(' ')}  {self._meaning(frame)}"
 
     def _meaning(self, frame: Frame) -> str:
         framing = self._out if frame.direction == ">" else self._in
@@ -76,11 +76,6 @@ def _values(request: Request, values: tuple[int, ...]) -> str:
     return shown if len(values) <= VALUES_SHOWN_MAX else f"{shown} … ({len(values)} values)"
 
 
-def _stamp(utc_ns: int) -> str:
-    seconds, rest_ns = divmod(utc_ns, 1_000_000_000)
-    return f"{datetime.fromtimestamp(seconds, UTC):%H:%M:%S}.{rest_ns // 1000:06d}"
-
-
 def line_maker(scheme: str, can: CanMap | None = None, devices: DeviceMap | None = None) -> Callable[[Frame], str]:
     """Return what turns the tapped frames of a target of this scheme into lines.
 
@@ -104,4 +99,4 @@ def line_maker(scheme: str, can: CanMap | None = None, devices: DeviceMap | None
 
 def _can_line(frame: Frame, can: CanMap | None, devices: DeviceMap | None) -> str:
     found = unpack(frame.data)
-    return f"{_stamp(frame.utc_ns)} {frame.direction} {found}  {meaning(found, can, devices)}".rstrip()
+    return f"{utc_text(frame.utc_ns)} {frame.direction} {found}  {meaning(found, can, devices)}".rstrip()

@@ -109,11 +109,22 @@ def server(cable: Cable) -> Iterator[subprocess.Popen[str]]:
 
 @pytest.mark.slow
 def test_a_loop_is_followed_between_two_processes_by_sdo_and_by_pdo(
-    cable: Cable, server: subprocess.Popen[str]
+    cable: Cable, server: subprocess.Popen[str], tmp_path: Path
 ) -> None:
-    for options, seconds in (("", "3"), ("&pdo=1", "2")):
-        target = cable.target(1, options)
-        said = run("monitor", "can", "--target", target, "--duration", seconds, "--output", "json")
+    for options, seconds, seen in (
+        ("", "3", ("node 3 is asked for 0x2000:01", "> 603 [8] 40 00 20 01")),
+        ("&pdo=1", "2", ("080 [0]", "D104 0000 0000 00C8 0000")),
+    ):
+        target, tape, trace = cable.target(1, options), tmp_path / f"{seconds}.ahrec", tmp_path / f"{seconds}.txt"
+        kept = ("--record", str(tape), "--record-frames", "--trace", str(trace))
+        said = run("monitor", "can", "--target", target, "--duration", seconds, "--output", "json", *kept)
+        recorded, traced = run("can", "dump", f"replay://{tape}"), trace.read_text(encoding="utf-8")
+        for text in seen:
+            assert text in recorded
+            assert text in traced
+        frames = [json.loads(line) for line in run("can", "dump", f"replay://{tape}", "--output", "json").splitlines()]
+        assert len(frames) - 1 == frames[-1]["recorded"]
+        assert frames[-1]["recorded"] > 0.9 * len(traced.splitlines()), "a recording ends a little before its link"
         summary = json.loads(said.splitlines()[-1])
         assert summary["counts"]["match"] >= 3
         assert 0 == summary["counts"]["diverged"]
