@@ -106,6 +106,7 @@ class Loop:
         pv_held: PV's register holds still from one execution to the next, so that it shows what was read; None: as
             usual for the controller.
         lease: The lease that the PLC keeps, None when it holds no such snippet.
+        pv_rate_max: Most that PV can move, in its unit per second; 0 where only we move it; None when nobody said.
         interval_ms: Period of the interval task in which the instruction stands: every call executes, and this is the
             sampling time whatever CYCLE says (MANUAL, spec ah500 §1.4); None in the cyclic task.
         recorder: Where the PLC records every scan or call; None where it records nothing.
@@ -129,6 +130,7 @@ class Loop:
     counter: Device | None = None
     pv_held: bool | None = None
     lease: LeaseSpec | None = None
+    pv_rate_max: float | None = None
     interval_ms: int | None = None
     recorder: Recorder | None = None
     trigger: Trigger | None = None

@@ -21,10 +21,11 @@ from ahgateway.codec.station import Loop
 from ahgateway.core.real import same_bits
 from ahgateway.core.verdict import Counts, Verdict
 from ahgateway.lockstep.call_shadow import changed as changed_beside_calls
-from ahgateway.lockstep.calls import Calls
+from ahgateway.lockstep.calls import COUNTS, Calls
 from ahgateway.lockstep.causes import Suspect, agreeing
+from ahgateway.lockstep.counting import counted, explains
 from ahgateway.lockstep.events import Change, Finding, Lost
-from ahgateway.lockstep.judge import Execution, judge
+from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import (
     Bound,
@@ -108,8 +109,8 @@ class Follower:
         if self._calls is not None:
             return [*events, *self._called(self._calls, before, picture)]
         changed = {name for name in judged_names(self.loop) if not same_bits(before.seen[name], picture.seen[name])}
-        counted = picture.executions
-        if counted is not None and counted[0] > 0:
+        told = counts_between(before, picture)
+        if told is not None and told[0] > 0:
             events.append(self._execution(before, picture))
             events.extend(self._stale_pv(before, picture))
         elif not changed:
@@ -141,8 +142,7 @@ class Follower:
 
     def _is_written(self, before: Picture, after: Picture) -> bool:
         """Only words changed that people may write, and no execution leaves them so: somebody wrote them."""
-        variants = input_variants(self.loop, before, after)
-        return not explain(self.loop, self._shadow, variants, after.seen, judged_names(self.loop)).fits
+        return not explains(self.loop, self._shadow, before, after, max(1, self._executions_max(before, after)))
 
     def _written(self, before: Picture, after: Picture, changed: set[str]) -> list[Event]:
         """Take over what was written; MOUT is an input and reported as such already.
@@ -169,8 +169,9 @@ class Follower:
         return self._set(STALE_PV, not same_bits(used, held), detail)
 
     def _execution(self, before: Picture, after: Picture) -> Execution:
-        possible = max(1, self._executions_max(before, after))
-        execution, self._shadow = judge(self.loop, self._shadow, before, after, possible, self.suspects)
+        least, most = counts_between(before, after) or (1, self._executions_max(before, after))
+        possible = max(1, least), max(1, most)
+        execution, self._shadow = counted(self.loop, self._shadow, before, after, possible, self.suspects)
         self._earliest_ns = before.sent_ns
         self._quiet_since_ns = after.last_ns
         self._count(execution, after)
@@ -212,8 +213,8 @@ class Follower:
 
     def _executions_max(self, before: Picture, after: Picture) -> int:
         """How many executions fit between the first request of one picture and the last reply of the next."""
-        by_time = self._by_time(before, after)
-        return by_time if after.executions is None else min(by_time, after.executions[1])
+        by_time, told = self._by_time(before, after), counts_between(before, after)
+        return by_time if told is None else min(by_time, told[1])
 
     def _by_time(self, before: Picture, after: Picture) -> int:
         interval = cycle_ns(self.loop, after)
@@ -303,6 +304,16 @@ FINDINGS: dict[str, tuple[str, str]] = {
     ),
 }
 """Finding to its text and what to do."""
+
+
+def counts_between(before: Picture, after: Picture) -> tuple[int, int] | None:
+    """Least and most executions between two pictures, where something in the PLC tells; None where only time does."""
+    if after.executions is not None:
+        return after.executions
+    if before.count is None or after.count is None:
+        return None
+    executions = (after.count - before.count) % COUNTS
+    return executions, executions
 
 
 def is_called(picture: Picture) -> bool:

@@ -31,6 +31,9 @@ from ahgateway.lockstep.picture import Picture, predicted
 BOUNDS_MAX = 48
 """More possibilities than this are no knowledge: the shadow starts again from the block."""
 
+ADVANCED_MAX = 512
+"""More states than this behind an unseen execution are not even sorted: where Ts is measured, each is its own."""
+
 MARGIN_ULP = 16
 """How far rounding can carry a filter that is not quite monotone."""
 
@@ -81,11 +84,13 @@ class Explanation:
         fits: Every way that reproduces the words; empty when none does.
         is_decided: The words were predicted before they were seen: all that was open predicted the same.
         nearest: The prediction that comes closest, decided or not, when nothing fits.
+        distance: Rank of `nearest`: how many words it misses, then by how much.
     """
 
     fits: tuple[Fit, ...]
     is_decided: bool
     nearest: Fit | None
+    distance: int = 0
 
 
 def state_key(state: Any) -> tuple[int, ...]:
@@ -269,7 +274,29 @@ def explain(
         if fitting:
             fits.extend(each for fit in fitting for each in _unrecorded(loop, fit))
             is_decided = is_decided or _is_told(by_interval, fitting)
-    return Explanation(tuple(fits), is_decided, nearest[1] if nearest else None)
+    if nearest is None:
+        return Explanation(tuple(fits), is_decided, None)
+    return Explanation(tuple(fits), is_decided, nearest[1], nearest[0])
+
+
+def advanced(loop: Loop, shadow: Shadow, inputs: Any) -> Shadow:
+    """Return what the shadow can be behind one more execution of which nothing was seen; () when that is anything.
+
+    A bound that is limited in one way at its low end and in another at its high end encloses nothing.
+    """
+    found: list[Bound] = []
+    for bound in shadow:
+        for ts in intervals(loop, inputs):
+            after, low_terms, high_terms = stepped(loop, inputs, bound, ts)
+            if low_terms.flags != high_terms.flags:
+                return ()
+            # MV is not seen either, and nothing reads it again but a transfer, of which `counted` claims nothing.
+            after = Bound(after.low, after.high._replace(mv=after.low.mv))
+            fit = Fit(inputs, bound, after, low_terms, open_terms(low_terms, high_terms), ts)
+            found.extend(each.after for each in _unrecorded(loop, fit))
+        if len(found) > ADVANCED_MAX:
+            return ()
+    return merged(found)
 
 
 def hides_pv(loop: Loop, inputs: Any) -> bool:

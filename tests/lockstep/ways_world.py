@@ -115,6 +115,8 @@ def ground(
             changes["interval_ms"] = cycle_ms
     elif way is Way.COUNTED:
         world = {"poll_ms": cycle_ms * 5 // 2, "plant": STILL, **world}
+        if world["plant"] is STILL:
+            changes.setdefault("pv_rate_max", 0.0)
     made = World(controller, initial, loop_changes=changes, cycle_ms=cycle_ms, **world)
     if way is Way.RECORDED:
         made.poll_ns = cycle_ms * MILLISECOND

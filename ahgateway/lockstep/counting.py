@@ -1,0 +1,209 @@
+"""How many executions lie between two pictures, and what they are worth, when there can have been several.
+
+This file alone infers counts. It extends the shadow's search from one execution to k, one after the other, and leaves
+the verdict on the last of them to `judge`.
+
+Theory of operation: the shadow is run 0…k executions on from the last picture. The executions between read the
+operands and PV of the picture before until some moment, those of the picture behind from then on; the last one read
+what it recorded. One count alone that reproduces every word is proof: all those executions followed the law. Several
+counts prove the last execution, and the least count is claimed. When no count does, the law was broken only if what
+was read in between is known: PV stands still and can do nothing else (`pv_rate_max` = 0), and at most one operand
+changed; or if the integral lies where no PV within bounds could have brought it. Otherwise nobody can tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ahgateway.clock import SECOND
+from ahgateway.codec.station import Loop
+from ahgateway.core.dialect import Freeze, Integrator
+from ahgateway.core.real import REAL, quiet, same_bits
+from ahgateway.core.verdict import Verdict
+from ahgateway.lockstep.anchor import anchored
+from ahgateway.lockstep.causes import Suspect
+from ahgateway.lockstep.judge import SEVERAL, TRIVIAL_FLAGS, Execution, judge
+from ahgateway.lockstep.picture import Picture
+from ahgateway.lockstep.shadow import (
+    Explanation,
+    Shadow,
+    advanced,
+    changed_inputs,
+    explain,
+    input_variants,
+    judged_names,
+    merged,
+    recalled,
+)
+from ahgateway.lockstep.thinning import is_plain
+
+COUNT_MAX = 12
+"""More executions than this between two pictures are not counted out."""
+
+UNLIMITED = REAL(1e30)
+"""Limits this wide never freeze an integral."""
+
+MARGIN = 2.0**-20
+"""Of the integral and of each step: more than rounding can lose in so many executions."""
+
+UNKNOWN_BETWEEN = (
+    "no number of executions reproduces the words with the PV of either picture, and what PV was between is not known"
+)
+LAST_ONLY = "several counts of executions fit; the last execution is proven, the least count is claimed"
+
+
+@dataclass(frozen=True, slots=True)
+class _Count:
+    """One count of executions: what the shadow can be before the last of them, and what that explains."""
+
+    executions: int
+    before: Shadow
+    found: Explanation
+
+
+def counted(
+    loop: Loop,
+    shadow: Shadow,
+    before: Picture,
+    after: Picture,
+    executions: tuple[int, int],
+    suspects: tuple[Suspect, ...] = (),
+) -> tuple[Execution, Shadow]:
+    """Judge the executions between two pictures, of which there can have been several.
+
+    Args:
+        loop: The loop, one of Delta's.
+        shadow: What the instruction can have remembered at `before`; () when nothing is known.
+        before: Picture before them.
+        after: Picture behind them; its words differ, or it is known how many there were.
+        executions: Least and most of them, by time or by count.
+        suspects: What this loop is already suspected of.
+
+    Returns:
+        One execution that stands for them all, and the shadow behind them.
+    """
+    least, most = max(1, executions[0]), executions[1]
+    is_tuning = 1 in (before.inputs.pid_mode, after.inputs.pid_mode)
+    if not shadow or is_tuning or most <= 1:
+        return judge(loop, shadow, before, after, most, suspects)
+    every = [each for each in _counts(loop, shadow, before, after, most) if each.executions >= least]
+    fitting = [each for each in every if each.found.fits]
+    is_whole = most <= COUNT_MAX and all(each.before for each in every)
+    fresh = _fresh(loop, shadow, before, after)
+    if len(fitting) == 1 and is_whole:
+        only = fitting[0]
+        execution, behind = judge(loop, only.before, before, after, 1, suspects)
+        behind = behind if _is_pinned(only, before, after) else merged((*behind, *fresh))
+        return replace(execution, count=only.executions), behind
+    if fitting:
+        least_fit = fitting[0]
+        execution, behind = judge(loop, least_fit.before, before, after, 1, suspects)
+        kept = merged((*(fit.after for each in fitting for fit in each.found.fits), *fresh))
+        reason = LAST_ONLY if execution.verdict is Verdict.MATCH else execution.reason
+        return replace(execution, count=least_fit.executions, reason=reason), kept or fresh
+    if is_whole and (is_known(loop, before, after) or is_out_of_reach(loop, shadow, before, after, most)):
+        nearest = min(every, key=lambda each: each.found.distance)
+        execution, behind = judge(loop, nearest.before, before, after, 1, suspects)
+        return replace(execution, count=nearest.executions), behind
+    execution, behind = judge(loop, shadow, before, after, most, suspects)
+    if execution.reason == SEVERAL:
+        return replace(execution, reason=UNKNOWN_BETWEEN), fresh
+    return execution, behind
+
+
+def _is_pinned(only: _Count, before: Picture, after: Picture) -> bool:
+    """Tell whether the words leave no room for other PVs than were supposed: one execution, or an integral that moved.
+
+    Where the law held the integral, another PV in between leaves the same words and another memory.
+    """
+    if only.executions == 1:
+        return True
+    is_free = not any(fit.terms.flags & TRIVIAL_FLAGS for fit in only.found.fits)
+    return is_free and not same_bits(before.seen["I_MV"], after.seen["I_MV"])
+
+
+def _fresh(loop: Loop, shadow: Shadow, before: Picture, after: Picture) -> Shadow:
+    """Start anew behind executions that were not explained; behind a plain one MV itself bounds D's filter."""
+    if any(bound.low.man1 or not bound.low.valid for bound in shadow) or not is_plain(loop, (before, after)):
+        return recalled(loop, (after.inputs, before.inputs), after.seen)
+    return anchored(loop, before, after)
+
+
+def explains(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) -> bool:
+    """Tell whether some number of executions leaves the words as they are."""
+    return any(each.found.fits for each in _counts(loop, shadow, before, after, most))
+
+
+def _counts(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) -> Iterator[_Count]:
+    """Run the shadow on, execution by execution, and see what each number of them explains."""
+    names = judged_names(loop)
+    variants = input_variants(loop, before, after)
+    early, late = before.inputs, after.inputs
+    is_still = same_bits(early.pv, late.pv) and not changed_inputs(loop, before, after)
+    # Behind k executions: all of them read the early values, or the last 1…k of them the late ones.
+    all_early, switched = shadow, Shadow()
+    for executions in range(1, min(most, COUNT_MAX) + 1):
+        reached = merged((*all_early, *switched))
+        found = explain(loop, reached, variants, after.seen, names)
+        yield _Count(executions, reached, found)
+        switched = () if is_still else advanced(loop, reached, late)
+        all_early = advanced(loop, all_early, early)
+
+
+def is_known(loop: Loop, before: Picture, after: Picture) -> bool:
+    """Tell whether all that the executions between two pictures read is known, but for the moment of one change."""
+    if loop.pv_rate_max != 0 or len(changed_inputs(loop, before, after)) > 1:
+        return False
+    recorded = [(before.seen[word.name], after.seen[word.name]) for word in loop.controller.seen if word.attr == "pv1"]
+    pvs = [before.inputs.pv, after.inputs.pv, *(pv for pair in recorded for pv in pair)]
+    return all(same_bits(pvs[0], pv) for pv in pvs)
+
+
+def is_out_of_reach(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) -> bool:
+    """Tell whether no PV within its bounds brings the integral to where it is, in as many executions as there can be.
+
+    It says nothing, False, unless the integral is a plain sum: automatic at both ends, no operand changed, and a
+    dialect in which a limit only holds the integral.
+    """
+    bounds = pv_bounds(loop, before, after)
+    read = after.inputs
+    is_plain = loop.dialect.integrator != Integrator.DVP and loop.dialect.freeze != Freeze.BACK_CALCULATED
+    is_automatic = read.pid_run and not read.pid_man and not any(bound.low.man1 for bound in shadow)
+    if bounds is None or not is_plain or not is_automatic or changed_inputs(loop, before, after):
+        return False
+    wide = read._replace(mv_max=UNLIMITED, mv_min=-UNLIMITED)
+    steps = [0.0]
+    for first in bounds:
+        for bound in shadow:
+            if not bound.low.valid:
+                return False
+            steps.extend(_path(loop, wide, bound.low, (first, *bounds)))
+    old, new = float(before.seen["I_MV"]), float(after.seen["I_MV"])
+    slack = MARGIN * (abs(old) + abs(new) + most * max(map(abs, steps)))
+    return not old + most * min(steps) - slack <= new <= old + most * max(steps) + slack
+
+
+def _path(loop: Loop, read: Any, state: Any, pvs: tuple[REAL, ...]) -> list[float]:
+    """How far the integral moves at each of these PVs, one execution after the other."""
+    found = []
+    ts = loop.controller.ts(read, loop.dialect, round(float(loop.controller.nominal_ts(read)) * 1e6))
+    for pv in pvs:
+        with quiet(all="ignore"):
+            after, _ = loop.controller.step(read._replace(pv=pv), state, loop.dialect, ts)
+        found.append(float(after.i) - float(state.i))
+        state = after
+    return found
+
+
+def pv_bounds(loop: Loop, before: Picture, after: Picture) -> tuple[REAL, REAL] | None:
+    """Lowest and highest PV that there can have been between two pictures; None where nobody said what bounds it."""
+    recorded = [after.seen[word.name] for word in loop.controller.seen if word.attr == "pv1"]
+    pvs = [float(pv) for pv in (before.inputs.pv, after.inputs.pv, *recorded)]
+    if loop.pv_rate_max is not None:
+        way = loop.pv_rate_max * (after.last_ns - before.sent_ns) / SECOND
+        return REAL(min(pvs) - way), REAL(max(pvs) + way)
+    if loop.pv_range is not None:
+        return REAL(min(*pvs, loop.pv_range[0])), REAL(max(*pvs, loop.pv_range[1]))
+    return None
