@@ -16,6 +16,9 @@ from enum import Enum
 
 from ahgateway.codec.devices import Device
 
+COUNTS = 0x10000
+"""A word that counts executions begins again here."""
+
 
 class Way(Enum):
     """How executions are seen, best first."""

@@ -13,10 +13,9 @@ from typing import Any
 
 from ahgateway.codec.block import COUNTER, EN, address
 from ahgateway.codec.station import Loop
+from ahgateway.codec.ways import COUNTS
 from ahgateway.fake.memory import Memory
 from ahgateway.fake.program import Execution, PidItem
-
-COUNTS = 0x10000
 
 
 class CallItem(PidItem):

@@ -14,12 +14,11 @@ from typing import Any
 from ahgateway.clock import MILLISECOND
 from ahgateway.codec.block import EN
 from ahgateway.codec.station import Loop
-from ahgateway.codec.ways import Each, Place, Recorder
+from ahgateway.codec.ways import COUNTS, Each, Place, Recorder
 from ahgateway.fake.memory import BitCell, Memory, Words
 from ahgateway.fake.program import PidItem
 from ahgateway.fake.wiring import Wiring
 
-COUNTS = 0x10000
 WORD = 0xFFFF
 SCAN_CLOCK_NS = 100_000
 """The program sees the time of a scan in units of 0.1 ms (spec ah500 §3.6, as the remote rack counts it)."""
@@ -67,7 +66,10 @@ class Task:
 
 
 class _Trigger:
-    """Opens the contact again: behind one call of an interval task, or when it was closed for CYCLE."""
+    """Opens the contact again: behind one call of an interval task, or behind a scan that changed what is seen.
+
+    In the cyclic task it opens at the latest when it was closed for CYCLE, as an execution may change nothing.
+    """
 
     def __init__(self, item: PidItem, memory: Memory) -> None:
         loop = item.loop
@@ -76,15 +78,26 @@ class _Trigger:
         self._coil = memory.bit_at(memory.devices.address(loop.trigger.coil, bits=True))
         self._count = memory.words_at(memory.devices.address(loop.trigger.counter), 1)
         self._gathered_ns = 0
+        operands = dict.fromkeys(seen.operand for seen in loop.controller.seen if item.wiring.is_register(seen.operand))
+        self._watched = [
+            item.wiring.words(seen.operand)[2 * seen.dword : 2 * seen.dword + 2]
+            for seen in loop.controller.seen
+            if seen.operand in operands
+        ]
+        self._before = self._words()
+
+    def _words(self) -> list[int]:
+        return [word for words in self._watched for word in words.tolist()]
 
     def close(self, elapsed_ns: int) -> None:
+        before, self._before = self._before, self._words()
         if not self._coil.get():
             self._gathered_ns = 0
             return
         self._gathered_ns += elapsed_ns
         if self._loop.interval_ms is None:
             cycle_s = float(self._loop.controller.nominal_ts(self._wiring.inputs()))
-            if self._gathered_ns < round(cycle_s * 1000) * MILLISECOND:
+            if self._before == before and self._gathered_ns < round(cycle_s * 1000) * MILLISECOND:
                 return
         self._gathered_ns = 0
         self._coil.put(False)

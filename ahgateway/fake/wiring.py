@@ -126,12 +126,12 @@ class Wiring:
                 self.put(operand, value)
 
     def defaults(self) -> None:
-        """Write every operand's default (ASSUMED, spec A.1 and B.1), and close the EN contact."""
+        """Write every operand's default (ASSUMED, spec A.1 and B.1), and close the EN contact unless it is triggered."""
         rows = self.loop.controller.operands
         raw = block_defaults(self.loop.controller)
         self.put_all({row.name: decode(row.kind, raw[row.name]) for row in rows})
         if self.loop.en is not None:
-            self.put(EN, True)
+            self.put(EN, self.loop.trigger is None)
 
     def junk(self, rng: random.Random) -> None:
         """Fill the words of I_MV that are the system's with anything: nobody may build on them (spec ah500 §1.5)."""

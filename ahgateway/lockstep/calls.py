@@ -16,6 +16,7 @@ from typing import Any
 
 from ahgateway.clock import MILLISECOND
 from ahgateway.codec.station import Loop
+from ahgateway.codec.ways import COUNTS
 from ahgateway.core import flags as flag
 from ahgateway.core.compare import compare, weakest
 from ahgateway.core.verdict import Proof, Verdict, Weight
@@ -38,7 +39,6 @@ from ahgateway.lockstep.picture import Picture, predicted
 from ahgateway.lockstep.shadow import Fit, Shadow, judged_names
 
 TRIVIAL_FLAGS = flag.MANUAL | flag.STOPPED | flag.BAD_INPUT | flag.AUTOTUNE | flag.FREEZE_HI | flag.FREEZE_LO
-COUNTS = 0x10000
 
 SEVERAL = "more than one call lay between two pictures; poll faster than the calls"
 TUNING = "a tuner of which no law is known is at work"

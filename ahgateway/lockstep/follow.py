@@ -18,10 +18,11 @@ import numpy as np
 
 from ahgateway.clock import MILLISECOND, SECOND
 from ahgateway.codec.station import Loop
+from ahgateway.codec.ways import COUNTS
 from ahgateway.core.real import same_bits
 from ahgateway.core.verdict import Counts, Verdict
 from ahgateway.lockstep.call_shadow import changed as changed_beside_calls
-from ahgateway.lockstep.calls import COUNTS, Calls
+from ahgateway.lockstep.calls import Calls
 from ahgateway.lockstep.causes import Suspect, agreeing
 from ahgateway.lockstep.counting import counted, explains
 from ahgateway.lockstep.events import Change, Finding, Lost
@@ -104,7 +105,7 @@ class Follower:
                 self._calls.see(None, picture, cycle_ns(self.loop, picture))
             return events
         if computes(self.loop, before) and computes(self.loop, picture):
-            self._expected += (picture.last_ns - before.last_ns) / cycle_ns(self.loop, picture)
+            self._expected += self._estimate(before, picture)
         events.extend(self._changes(before, picture))
         if self._calls is not None:
             return [*events, *self._called(self._calls, before, picture)]
@@ -210,6 +211,14 @@ class Follower:
         shadow = self._shadow or recalled(self.loop, (after.inputs,), after.seen)
         variants = input_variants(self.loop, before, after)
         return bool(explain(self.loop, shadow, variants, after.seen, judged_names(self.loop)).fits)
+
+    def _estimate(self, before: Picture, after: Picture) -> float:
+        """How many executions there were between two pictures, as well as that is known."""
+        told = counts_between(before, after)
+        by_time = max(0, after.last_ns - before.last_ns) / cycle_ns(self.loop, after)
+        if told is None:
+            return by_time
+        return min(max(by_time, told[0]), told[1])
 
     def _executions_max(self, before: Picture, after: Picture) -> int:
         """How many executions fit between the first request of one picture and the last reply of the next."""

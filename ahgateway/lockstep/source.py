@@ -8,19 +8,19 @@ from ahgateway.clock import Clock
 from ahgateway.codec.station import Loop, Station
 from ahgateway.codec.ways import Way
 from ahgateway.lockstep.events import Lost
+from ahgateway.lockstep.gate.gate import Gate
 from ahgateway.lockstep.picture import Picture, Sampler, Sees
 from ahgateway.lockstep.ring import Ring
+from ahgateway.lockstep.stepper import stepper
 from ahgateway.transports.base import Link
 
 
 class Source(Protocol):
-    """Looks at one loop.
+    """Looks at one loop."""
 
-    Attributes:
-        torn_count: How often a picture or record was being changed while it was read.
-    """
-
-    torn_count: int
+    @property
+    def torn_count(self) -> int:
+        """How often a picture or record was being changed while it was read."""
 
     async def pictures(self) -> list[Picture | Lost]:
         """Look once, and return what there is, oldest first; nothing when it was torn.
@@ -34,7 +34,15 @@ class Source(Protocol):
         """How long to wait between two looks at a loop with this CYCLE."""
 
 
-def source(loop: Loop, station: Station, link: Link, clock: Clock, sees: Sees | None = None) -> Source:
-    """Return what looks at a loop in its way."""
+def source(
+    loop: Loop, station: Station, link: Link, clock: Clock, sees: Sees | None = None, gate: Gate | None = None
+) -> Source:
+    """Return what looks at a loop in its way; `gate` is the loop's own, armed, for one whose executions we trigger.
+
+    Raises:
+        StateError: Executions are to be triggered and there is no gate.
+    """
+    if loop.way is Way.STEPPED:
+        return stepper(loop, station, link, clock, gate, sees)
     kind = Ring if loop.way is Way.RECORDED else Sampler
     return kind(loop, station, link, clock, sees)

@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import random
+import shutil
+import tempfile
+import weakref
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from ahgateway.clock import MILLISECOND, VirtualClock
 from ahgateway.codec.access import Request, Table
 from ahgateway.codec.devices import DeviceMap, DeviceRange, parse_device
 from ahgateway.codec.station import Binding, Const, FakeLoop, Loop, PlantSpec, Station
+from ahgateway.codec.ways import Way
 from ahgateway.core.controllers import CONTROLLERS, Controller
 from ahgateway.core.operands import Kind
 from ahgateway.errors import ReplyTimeoutError
 from ahgateway.fake.plc import FakePlc
 from ahgateway.lockstep.follow import Event, Follower
+from ahgateway.lockstep.gate.gate import ARM_MAX_NS, Gate
+from ahgateway.lockstep.gate.states import State
 from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.source import Source, source
@@ -104,8 +111,15 @@ class Watched:
         return found
 
 
+def _dispose(gate: Gate, folder: Path) -> None:
+    gate._close()
+    shutil.rmtree(folder, ignore_errors=True)
+
+
 class World(Watched):
     """One loop on a fake PLC, followed picture by picture."""
+
+    gate_of_steps: Gate | None = None
 
     def __init__(
         self,
@@ -123,6 +137,7 @@ class World(Watched):
         is_restless: bool = False,
         en: str | None = None,
         loop_changes: Mapping[str, Any] | None = None,
+        is_bench: bool = False,
     ) -> None:
         law = CONTROLLERS[controller]
         self.clock = VirtualClock()
@@ -130,10 +145,9 @@ class World(Watched):
             "L1",
             law,
             bindings(law, 100, 1, mv, consts or {}),
-            en=parse_device(en) if en else None,
-            **dict(loop_changes or {}),
+            **{"en": parse_device(en) if en else None, **(loop_changes or {})},
         )
-        self.station = Station("test", "memory:", 1, DEVICES, (loop,), running=parse_device("SM400"))
+        self.station = Station("test", "memory:", 1, DEVICES, (loop,), running=parse_device("SM400"), bench=is_bench)
         cycle = cycle_ms // 10 if controller == "DPID" else cycle_ms
         start = {"SV": 50.0, "CYCLE": cycle, "PID_RUN": True, "PID_DIR": True, **(initial or {})}
         plant = plant or PlantSpec("fopdt", 1.2, 3.0, 0.2, 10.0, 0.05, 20.0)
@@ -148,7 +162,22 @@ class World(Watched):
         self.rng = random.Random(seed)
         self.loop = loop
         self.link = DirectLink(self.plc, self.clock, latency_ns)
-        self.sampler = source(loop, self.station, self.link, self.clock)
+        self.sampler = source(loop, self.station, self.link, self.clock, gate=self._gate())
         self.follower = Follower(loop)
         self.poll_ns = poll_ms * MILLISECOND
         self.events = []
+
+    def _gate(self) -> Gate | None:
+        """The gate through which executions are triggered, in a directory of its own."""
+        if self.station.loops[0].way is not Way.STEPPED:
+            return None
+        folder = Path(tempfile.mkdtemp(prefix="ahgateway-"))
+        self.gate_of_steps = Gate(self.station, self.loop, self.link, self.clock, folder, who="test")
+        weakref.finalize(self, _dispose, self.gate_of_steps, folder)
+        return self.gate_of_steps
+
+    async def poll(self) -> list[Event]:
+        """As `Watched.poll`; where executions are triggered, armed as long as a gate can be."""
+        if self.gate_of_steps is not None and self.gate_of_steps.state is State.DISARMED:
+            await self.gate_of_steps.arm("test", duration_ns=ARM_MAX_NS)
+        return await super().poll()

@@ -14,7 +14,7 @@ from lockstep.bench_world import World
 from ahgateway.clock import MILLISECOND
 from ahgateway.codec.devices import parse_device
 from ahgateway.codec.station import PlantSpec
-from ahgateway.codec.ways import Each, Place, Recorder, Way
+from ahgateway.codec.ways import Each, Place, Recorder, Trigger, Way
 
 WAYS = (Way.STEPPED, Way.RECORDED, Way.POLLED, Way.COUNTED)
 
@@ -103,7 +103,7 @@ def ground(
         way: The way.
         controller: DPID or DPIDE.
         initial: Operands at the start.
-        each: What makes a record, for `RECORDED`.
+        each: What makes a record, for `RECORDED`; `CALL` puts the instruction into an interval task, for `STEPPED` too.
         loop_changes: Fields of the `Loop`, `dialect` above all.
         cycle_ms: CYCLE; also the period of the interval task where there is one.
         world: Further arguments of `World`.
@@ -113,11 +113,17 @@ def ground(
         changes |= {"way": way, "recorder": layout(controller, each=each)}
         if each is Each.CALL:
             changes["interval_ms"] = cycle_ms
+    elif way is Way.STEPPED:
+        trigger = Trigger(parse_device("M50"), parse_device("D1990"))
+        changes |= {"way": way, "trigger": trigger, "en": trigger.coil}
+        if each is Each.CALL:
+            changes["interval_ms"] = cycle_ms
+        world = {"is_bench": True, **world}
     elif way is Way.COUNTED:
         world = {"poll_ms": cycle_ms * 5 // 2, "plant": STILL, **world}
         if world["plant"] is STILL:
             changes.setdefault("pv_rate_max", 0.0)
     made = World(controller, initial, loop_changes=changes, cycle_ms=cycle_ms, **world)
-    if way is Way.RECORDED:
+    if way in (Way.RECORDED, Way.STEPPED):
         made.poll_ns = cycle_ms * MILLISECOND
     return made

@@ -22,7 +22,7 @@ def fit(loop: Loop, picture: Picture) -> None:
     """
     if picture.running is False:
         raise StateError(f"loop {loop.name}: the PLC is in STOP, nothing would carry a write out")
-    if picture.enabled is False:
+    if picture.enabled is False and loop.trigger is None:
         raise StateError(f"loop {loop.name}: EN is off, the instruction would not see a write")
     if not any(any(words) for words in picture.words.values()):
         raise StateError(

@@ -33,6 +33,7 @@ from ahgateway.lockstep.gate.plc_lease import PlcLease
 from ahgateway.lockstep.gate.scratch import with_scratch
 from ahgateway.lockstep.gate.session import Session, decide, last_session, replayed, words_json
 from ahgateway.lockstep.gate.states import Event, State, after
+from ahgateway.lockstep.gate.stepping import TRIGGER, Stepping, with_trigger
 from ahgateway.lockstep.gate.wire import Wire
 from ahgateway.lockstep.picture import Picture, Sees
 from ahgateway.transports.base import Link
@@ -93,7 +94,7 @@ class Gate:
         told: Told | None = None,
     ) -> None:
         guarded = loop
-        loop = with_scratch(loop, station)
+        loop = with_trigger(with_scratch(loop, station))
         self.station, self.loop, self.link, self.who = station, loop, link, who
         self.state = State.DISARMED
         self.session: Session | None = None
@@ -104,6 +105,7 @@ class Gate:
         self._told = told
         self._wire = Wire(station, loop, link, clock, sees)
         self._guard = None if loop.lease is None else PlcLease(station, guarded, self._wire, clock)
+        self._stepping: Stepping | None = None
         self._spans = block.spans(loop, station.devices)
         self._journal: Journal | None = None
         self._lock: MachineLock | None = None
@@ -159,6 +161,7 @@ class Gate:
         self.session = replayed([record])
         self._ends_ns = self._clock.now_ns() + duration_ns
         self._written_ns = {}
+        self._stepping = None
         self.state = after(self.state, Event.ARM)
         return picture
 
@@ -250,6 +253,28 @@ class Gate:
             await self._undo(cause)
             raise
         return Plan(self.loop.name, tuple(done), planned.unchanged)
+
+    async def step(self, why: str = "") -> int:
+        """Let the instruction execute once, on a bench, and return how often the PLC counted.
+
+        When it fails, everything that this arming has written is put back before the error is raised.
+
+        Raises:
+            StateError: Not armed, no bench, no trigger, or nothing was counted in time.
+            TransportError: The link failed.
+            PlcRefusedError: The PLC refused it.
+        """
+        await self.check()
+        assert self.session is not None
+        assert self.as_found is not None
+        try:
+            if self._stepping is None:
+                self._stepping = Stepping(self.loop, self.station, self._wire, self._clock)
+                self._write_down_stepping(why)
+            return await self._stepping.once(round(float(self.loop.controller.nominal_ts(self.as_found.inputs)) * 1e9))
+        except BaseException as cause:
+            await self._undo(cause)
+            raise
 
     async def check(self) -> None:
         """Make sure that the gate is armed and its time is not over, and beat; put everything back when that fails.
@@ -531,6 +556,13 @@ class Gate:
         self.session.end = how
         self._note("ended", how=how)
         self._close()
+
+    def _write_down_stepping(self, why: str) -> None:
+        assert self._journal is not None
+        assert self._stepping is not None
+        assert self.session is not None
+        self._journal.append("stepping", operand=TRIGGER, device=str(self._stepping.coil), who=self.who, why=why)
+        self.session.intend(TRIGGER, (0,), (1,))
 
     def _note(self, kind: str, **facts: Any) -> None:
         """Add to the journal; what it tells has happened already and is not undone by a full disk."""

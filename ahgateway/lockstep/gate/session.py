@@ -158,6 +158,8 @@ def _take_in(session: Session, kind: str, record: Mapping[str, Any]) -> None:
             session.intend(change["operand"], tuple(change["old"]), tuple(change["new"]))
         if kind == "restore":
             session.end = ""
+    elif kind == "stepping":
+        session.intend(record["operand"], (0,), (1,))
     elif kind == "verified":
         for operand, words in record["holds"].items():
             session.prove(operand, tuple(words))

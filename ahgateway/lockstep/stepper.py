@@ -1,0 +1,85 @@
+"""Sees executions one at a time: triggers each through the write gate and takes a picture behind it.
+
+Between two executions the instruction stands still, so that no picture is torn and none is missed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ahgateway.clock import Clock
+from ahgateway.codec.station import Loop, Station
+from ahgateway.core.dialect import EnOffTime
+from ahgateway.errors import StateError
+from ahgateway.lockstep.events import Lost
+from ahgateway.lockstep.gate.gate import Gate
+from ahgateway.lockstep.picture import Picture, Sampler, Sees
+from ahgateway.transports.base import Link
+
+PER_TRIGGER = 2
+"""Where time runs on while EN is off, an execution that changes no word may come at once, and another behind CYCLE."""
+
+
+class Stepper:
+    """One loop whose executions we trigger.
+
+    Args:
+        loop: The loop, with a trigger.
+        station: Its station, a bench.
+        link: The way there.
+        clock: Gives the times.
+        gate: The loop's write gate, armed by whoever asked for it.
+        sees: Shown every picture.
+    """
+
+    def __init__(
+        self, loop: Loop, station: Station, link: Link, clock: Clock, gate: Gate, sees: Sees | None = None
+    ) -> None:
+        self._loop, self._gate = loop, gate
+        self._sampler = Sampler(loop, station, link, clock, sees)
+        self._is_begun = False
+
+    @property
+    def torn_count(self) -> int:
+        """Pictures into which something fell."""
+        return self._sampler.torn_count
+
+    def poll_ns(self, cycle_ns: int) -> int:
+        """The next execution may come at once."""
+        return 0
+
+    async def pictures(self) -> list[Picture | Lost]:
+        """Trigger one execution and return the picture behind it; the first time only a picture.
+
+        Raises:
+            StateError: The gate is not armed, somebody else writes too, or nothing executed.
+            TransportError: The link failed.
+            PlcRefusedError: The PLC refused a request.
+        """
+        if not self._is_begun:
+            picture = await self._sampler.picture()
+            self._is_begun = picture is not None
+            return [] if picture is None else [picture]
+        counted = await self._gate.step("one execution at a time")
+        picture = await self._sampler.picture()
+        if picture is None:
+            return [Lost(float(counted), 0, "the picture behind a triggered execution was torn")]
+        return [replace(picture, executions=self._executions(counted), enabled=None)]
+
+    def _executions(self, counted: int) -> tuple[int, int]:
+        """Least and most executions in so many triggers; one that changes no word is not told from none."""
+        if self._loop.interval_ms is not None:
+            return counted, counted
+        is_early = getattr(self._loop.dialect, "en_off_time", EnOffTime.STANDS) == EnOffTime.RUNS
+        return 0, counted * PER_TRIGGER if is_early else counted
+
+
+def stepper(
+    loop: Loop, station: Station, link: Link, clock: Clock, gate: Gate | None, sees: Sees | None = None
+) -> Stepper:
+    """Return a stepper; StateError without a gate."""
+    if gate is None:
+        raise StateError(
+            f"loop {loop.name}: executions are triggered through the write gate only", hint=f"`--arm {loop.name}`"
+        )
+    return Stepper(loop, station, link, clock, gate, sees)
