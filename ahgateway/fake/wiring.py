@@ -126,7 +126,7 @@ class Wiring:
                 self.put(operand, value)
 
     def defaults(self) -> None:
-        """Write every operand's default (ASSUMED, spec A.1 and B.1), and close the EN contact unless it is triggered."""
+        """Write every operand's default (ASSUMED, spec A.1 and B.1), and close EN unless it is triggered."""
         rows = self.loop.controller.operands
         raw = block_defaults(self.loop.controller)
         self.put_all({row.name: decode(row.kind, raw[row.name]) for row in rows})
