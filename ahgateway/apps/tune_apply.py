@@ -8,7 +8,6 @@ middle, somebody else who writes, a lost link), the gate puts back everything as
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,8 +15,7 @@ import numpy as np
 
 from ahgateway.apps.report import number
 from ahgateway.apps.tune import Tuning, named, shown
-from ahgateway.apps.tune_experiment import Experiment, Kind
-from ahgateway.apps.tune_source import settings_of
+from ahgateway.apps.tune_sitting import Sitting
 from ahgateway.clock import SECOND
 from ahgateway.codec.station import Loop
 from ahgateway.core.real import REAL
@@ -120,7 +118,7 @@ def _same(one: float | int | bool, other: float | int | bool) -> bool:
 
 
 @dataclass
-class Trial(Experiment):
+class Trial(Sitting):
     """Gains tried on a live loop; the envelope is that of an experiment."""
 
     _predictor: Predictor | None = None
@@ -157,16 +155,17 @@ class Trial(Experiment):
         proposal = named(result, rule)
         self._begun_ns = self.clock.now_ns()
         plan = await self.dry_run(result, proposal)
-        self._check_mode()
+        self._check_mode("a step of SV would prove nothing")
         for line in plan.lines:
             self.told(f"{self.loop.name} {line}")
-        sigma, step = await self._rest()
-        size = size if size is not None else self._sized(Kind.SV, sigma, step)
+        quiet = await self._rest()
+        size = size if size is not None else self._sv_step(quiet)
         hold = hold_s if hold_s is not None else self._hold_s(proposal)
         self._check_ahead(result, proposal, size, hold)
-        self._tube = tube(size, sigma, step)
+        self._tube = tube(size, quiet.noise, quiet.resolution)
         self.told(
-            f"noise {sigma:.3g}: SV {size:+.4g} for {hold:.4g} s and back, PV within {self._tube:.3g} of predicted"
+            f"noise {quiet.noise:.3g}: SV {size:+.4g} for {hold:.4g} s and back, "
+            f"PV within {self._tube:.3g} of predicted"
         )
         reason = ""
         try:
@@ -211,7 +210,7 @@ class Trial(Experiment):
     def _judge(self) -> None:
         if self._predictor is not None:
             # Kept in step with the rows, whatever is found wrong next.
-            t, sv, _, _ = self.rows[-1]
+            t, sv, *_ = self.rows[-1]
             self._beside.append(self._predictor.until(t - self._from_s, sv))
         super()._judge()
         if self._predictor is not None:
@@ -221,21 +220,6 @@ class Trial(Experiment):
                     f"PV is {self.rows[-1][2]:.5g}, predicted was {self._beside[-1][0]:.5g}, "
                     f"at most {self._tube:.3g} between them is allowed"
                 )
-
-    def _live(self) -> Params:
-        assert self._last is not None
-        return settings_of(self.loop.controller.name, self._last.inputs)
-
-    def _check_mode(self) -> None:
-        assert self._last is not None
-        facts: Mapping[str, bool] = {
-            "PID_RUN": bool(self._last.inputs.pid_run), "PID_MAN": bool(self._last.inputs.pid_man),
-        }  # fmt: skip
-        if not facts["PID_RUN"] or facts["PID_MAN"]:
-            raise StateError(
-                f"loop {self.loop.name} is not in automatic, a step of SV would prove nothing; nothing was written",
-                hint="put the loop into automatic first",
-            )
 
     def _hold_s(self, proposal: Proposal) -> float:
         settling = proposal.setpoint.settling_s
@@ -267,7 +251,7 @@ class Trial(Experiment):
 
     def _outcome(self, rule: str, lines: tuple[str, ...], size: float, reason: str) -> Verification:
         count = len(self._beside)
-        table = np.array(self.rows[len(self.rows) - count :], dtype=np.float64).reshape(-1, 4)
+        table = np.array(self.rows[len(self.rows) - count :], dtype=np.float64).reshape(-1, 5)
         beside = np.array(self._beside, dtype=np.float64).reshape(-1, 2)
         fit = fit_late(table[:, 2], beside[:, 0]) if count > 1 else math.nan
         return Verification(

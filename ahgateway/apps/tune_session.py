@@ -10,7 +10,9 @@ from typing import Any
 
 from ahgateway.apps.tune import Tuning, named
 from ahgateway.apps.tune_apply import Trial, Verification
-from ahgateway.apps.tune_experiment import Envelope, Experiment, Wanted
+from ahgateway.apps.tune_autotune import judged
+from ahgateway.apps.tune_experiment import Experiment, Wanted
+from ahgateway.apps.tune_sitting import Envelope
 from ahgateway.apps.tune_spread import middle
 from ahgateway.apps.witness import Witness
 from ahgateway.clock import Clock
@@ -91,6 +93,8 @@ class Session:
             experiment = Experiment(**self._parts(), patience_s=self.bounds.time_s if count else 0.0)
             record, settings = await experiment.run(wanted)
             result = await asyncio.to_thread(judge, record, self.loop.controller.name, settings)
+            if experiment.brought:
+                result = judged(result, settings, experiment.brought)
             made.append((record, result))
         results = tuple(result for _, result in made)
         record, result = made[middle(results)]

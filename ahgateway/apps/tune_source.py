@@ -19,7 +19,7 @@ from ahgateway.core.operands import Kind
 from ahgateway.errors import ProfileError
 from ahgateway.recording.reader import Recording
 from ahgateway.tuning.blocks import BLOCKS, Params
-from ahgateway.tuning.record import Array, Record
+from ahgateway.tuning.record import Array, Record, polled
 
 NAMES = ("time", "SV", "PV", "MV")
 ALSO = {
@@ -153,4 +153,4 @@ def _deduplicated(times: list[float], values: list[tuple[float, float, float]], 
     table: Array = np.array(values, dtype=np.float64).reshape(-1, 3)
     kept = np.concatenate([np.diff(t) > 0.0, [True]])
     t, table = t[kept], table[kept]
-    return Record(t - t[0], table[:, 0], table[:, 1], table[:, 2], file)
+    return polled(Record(t - t[0], table[:, 0], table[:, 1], table[:, 2], file))

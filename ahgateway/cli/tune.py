@@ -23,11 +23,20 @@ def tune(
     source: Annotated[Path, typer.Argument(help="CSV file with time, SV, PV, MV; a recording; or a profile.")],
     loop: Annotated[str | None, typer.Option(help="Loop of a recording or profile with several.")] = None,
     experiment: Annotated[
-        str | None, typer.Option(help="With a profile: step, doublet or relay of MOUT, or sv, a step of SV.")
+        str | None,
+        typer.Option(
+            help="With a profile: step, doublet, relay of MOUT; sv, a step of SV; autotune, the PLC's own (PID_MODE 1)."
+        ),
     ] = None,
     arm: Annotated[str | None, typer.Option(metavar="LOOP", help="Arm this loop: without it nothing is sent.")] = None,
-    size: Annotated[float | None, typer.Option(help="Size of the step; sized from noise and range otherwise.")] = None,
+    size: Annotated[float | None, typer.Option(help="Size of the step; else sized from noise and PV's answer.")] = None,
     hold: Annotated[float | None, typer.Option(help="Seconds to hold each step; until PV settles otherwise.")] = None,
+    hysteresis: Annotated[
+        float | None, typer.Option(help="Of the relay, in PV; sized from the noise otherwise.")
+    ] = None,
+    bias: Annotated[
+        float, typer.Option(help="Of the relay: how far off the middle, by --size.", min=-0.8, max=0.8)
+    ] = 0.25,
     pv_bounds: Annotated[tuple[float, float] | None, typer.Option(help="PV never leaves these; else aborted.")] = None,
     mv_bounds: Annotated[tuple[float, float] | None, typer.Option(help="MV never leaves these; else aborted.")] = None,
     rate: Annotated[float | None, typer.Option(help="Largest change of PV per second; else aborted.")] = None,
@@ -82,7 +91,7 @@ def tune(
 
     asked = Asked(
         str(onto or source), arm, loop, experiment, size, hold, pv_bounds, mv_bounds, rate, seconds, target, save,
-        repeat, apply, sv_size, sv_hold, record_file, record_frames,
+        repeat, apply, sv_size, sv_hold, record_file, record_frames, hysteresis, bias,
     )  # fmt: skip
     if rollback:
         _say(rolled_back(asked, directory))

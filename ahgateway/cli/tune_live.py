@@ -16,8 +16,8 @@ from ahgateway.cli.tape import Recorded, one_loop, recorded
 
 if TYPE_CHECKING:
     from ahgateway.apps.tune import Tuning
-    from ahgateway.apps.tune_experiment import Envelope
     from ahgateway.apps.tune_session import Gains, Judge, Live, Session
+    from ahgateway.apps.tune_sitting import Envelope
     from ahgateway.codec.station import Loop, Station
     from ahgateway.tuning.record import Record
 
@@ -46,6 +46,8 @@ class Asked:
     sv_hold_s: float | None = None
     recording: str | None = None
     with_frames: bool = False
+    hysteresis: float | None = None
+    bias: float = 0.25
 
 
 def excited(asked: Asked, directory: Path | None, judge: Judge) -> Live:
@@ -62,7 +64,7 @@ def excited(asked: Asked, directory: Path | None, judge: Judge) -> Live:
     if asked.experiment not in kinds:
         raise ProfileError(f"`{asked.experiment}` is no experiment, known are {', '.join(kinds)}", key="--experiment")
     station, loop, tape = _found(asked)
-    wanted = Wanted(kinds[asked.experiment], asked.size, asked.hold_s)
+    wanted = Wanted(kinds[asked.experiment], asked.size, asked.hold_s, asked.hysteresis, asked.bias)
     bounds = envelope(asked, loop)
     if asked.arm is None:
         raise ProfileError(
@@ -139,7 +141,7 @@ def rolled_back(asked: Asked, directory: Path | None) -> str:
         ProfileError: The loop is not armed.
         StateError: Something could not be put back.
     """
-    from ahgateway.apps.tune_experiment import Envelope
+    from ahgateway.apps.tune_sitting import Envelope
     from ahgateway.errors import ProfileError, StateError
 
     if asked.arm is None:
@@ -181,7 +183,7 @@ def envelope(asked: Asked, loop: Loop) -> Envelope:
     Raises:
         ProfileError: Neither says how far PV may go, or bounds are the wrong way round.
     """
-    from ahgateway.apps.tune_experiment import Envelope
+    from ahgateway.apps.tune_sitting import Envelope
     from ahgateway.errors import ProfileError
 
     pv, mv = asked.pv or loop.pv_range, asked.mv or loop.mv_range or (0.0, 100.0)

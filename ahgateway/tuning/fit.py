@@ -161,10 +161,10 @@ def fit(
         kind: Which model.
         noise: True fits a noise model beside the process, False takes the noise as white.
         load_ramp: True lets the load rise evenly over the record: a drift.
-        mv: What moved the process, where it is not the record's MV: behind a valve model, for instance.
+        mv: What moved the process, where it is not the record's input: behind a valve model, for instance.
         near: A fit of this kind to start from, instead of a search over the whole grid.
     """
-    u = record.mv if mv is None else mv
+    u = record.input if mv is None else mv
     problem = _Problem(
         kind, record.t_s - record.t_s[0], record.pv - record.pv[0], u - u[0], record.ts_s, noise, load_ramp
     )
@@ -182,7 +182,7 @@ def fit(
         )
         if best is None or found.cost < best.cost:
             best = found
-    return _finished(problem, best.x)
+    return _finished(problem, best.x, record.timing_s)
 
 
 def _bounds(problem: _Problem) -> tuple[Array, Array]:
@@ -232,8 +232,11 @@ def _starts(problem: _Problem) -> list[Array]:
     return [np.concatenate([point, [0.5, 0.0]]) for point in chosen]
 
 
-def _finished(problem: _Problem, point: Array) -> Fit:
-    """Everything that is said about the optimum: gain, intervals from the whole Jacobian, criterion."""
+def _finished(problem: _Problem, point: Array, timing_s: float) -> Fit:
+    """Everything that is said about the optimum: gain, intervals from the whole Jacobian, criterion.
+
+    When MV moved is known to `timing_s` only, and nothing in the data averages that out: it adds to the dead time's.
+    """
     linear, errors, raw = problem.solved(point)
     n, count = problem.y.size, point.size + linear.size
     rss = max(float(errors @ errors), 1e-300)
@@ -247,7 +250,7 @@ def _finished(problem: _Problem, point: Array) -> Fit:
     covariance = sigma**2 * np.linalg.pinv(scaled.T @ scaled, rcond=1e-12) / np.outer(scale, scale)
     half = 1.96 * np.sqrt(np.maximum(np.diag(covariance), 0.0))
     model = problem.model(point, float(linear[0]))
-    interval = {"dead_time_s": float(half[0]), "gain": float(half[point.size])}
+    interval = {"dead_time_s": float(half[0]) + timing_s, "gain": float(half[point.size])}
     if problem.kind is not Kind.IPDT:
         interval["tau_s"] = float(half[1]) * model.tau_s
     if problem.kind is Kind.SOPDT:

@@ -22,6 +22,7 @@ from ahgateway.tuning.fit import Fit, driven, fit
 from ahgateway.tuning.models import Kind
 from ahgateway.tuning.noise import Whiteness, noise, resolution, whiteness
 from ahgateway.tuning.record import Record, checked, even
+from ahgateway.tuning.timing import timed
 from ahgateway.tuning.valve import backlash, stiction
 
 Array = NDArray[np.float64]
@@ -86,6 +87,7 @@ def identify(raw: Record, kind: Kind | None = None) -> Identification:
     if any(finding.weight is Weight.REFUSED for finding in first):
         return Identification(record, None, (), "data refused", None, size, step, tuple(first))
     kinds = ORDER if kind is None else (kind,)
+    record = timed(record, Kind.FOPDT if kind is None else kind)
     candidates = tuple(fit(record, each, noise=False) for each in kinds)
     best = min(candidates, key=lambda each: each.bic)
     if not whiteness(best.residuals, 0).is_white:
@@ -162,8 +164,8 @@ def _nonlinear(record: Record, chosen: Fit) -> tuple[Finding, ...]:
     shapes: tuple[tuple[str, Callable[[Array, float], Array]], ...] = (("backlash", backlash), ("stiction", stiction))
     for name, shape in shapes:
         for share in BANDS:
-            position = shape(record.mv, share * reach)
-            if float(np.ptp(position)) <= 0.0 or np.array_equal(position, record.mv):
+            position = shape(record.input, share * reach)
+            if float(np.ptp(position)) <= 0.0 or np.array_equal(position, record.input):
                 continue
             tried = fit(record, kind, noise=coloured, mv=position, near=chosen)
             if tried.bic + penalty < best_bic:
@@ -184,7 +186,7 @@ def _valve(name: str, band: float, share: float, sure: float) -> Finding:
 
 def _two_gains(record: Record, chosen: Fit) -> tuple[float, Finding] | None:
     """Fit one gain above the first MV and one below it; None unless MV went both ways and the two differ."""
-    u = record.mv - record.mv[0]
+    u = record.input - record.input[0]
     reach = float(np.ptp(u))
     if min(float(u.max()), -float(u.min())) < 0.1 * reach:
         return None

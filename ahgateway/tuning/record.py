@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,8 @@ class Record:
         mv: Output as it went to the actuator.
         name: Where it came from, for messages.
         mv_limits: Lowest and highest MV that the loop can give, None when nobody said.
+        acted: Mean of MV from each sample to the next, where MV is known to have moved between samples; None is MV.
+        timing_s: Half of the time within which each move of MV is known; it belongs to the dead time's interval.
     """
 
     t_s: Array
@@ -38,6 +40,13 @@ class Record:
     mv: Array
     name: str = "record"
     mv_limits: tuple[float, float] | None = None
+    acted: Array | None = None
+    timing_s: float = 0.0
+
+    @property
+    def input(self) -> Array:
+        """What moved the process from each sample to the next."""
+        return self.mv if self.acted is None else self.acted
 
     @property
     def ts_s(self) -> float:
@@ -72,11 +81,15 @@ def checked(record: Record) -> Record:
             file=record.name,
             hint="sort the file by time, and leave each time only once",
         )
-    return Record(t_s, record.sv[good], record.pv[good], record.mv[good], record.name, record.mv_limits)
+    acted = None if record.acted is None else record.acted[good]
+    return replace(record, t_s=t_s, sv=record.sv[good], pv=record.pv[good], mv=record.mv[good], acted=acted)
 
 
 def even(record: Record) -> Record:
     """Return the record on an even grid with the median interval; MV and SV are held, PV is drawn straight between.
+
+    What acted is the mean of the held MV over each interval of the grid, so that a move between two of its points
+    keeps its time.
 
     Raises:
         ProfileError: The grid would have more than `SAMPLES_MAX` samples.
@@ -95,4 +108,32 @@ def even(record: Record) -> Record:
     grid = record.t_s[0] + ts * np.arange(count)
     held = np.clip(np.searchsorted(record.t_s, grid + 1e-9 * ts, side="right") - 1, 0, record.t_s.size - 1)
     pv = np.interp(grid, record.t_s, record.pv)
-    return Record(grid, record.sv[held], pv, record.mv[held], record.name, record.mv_limits)
+    sums = np.concatenate([[0.0], np.cumsum(record.input[:-1] * np.diff(record.t_s))])
+    edges = np.append(grid, grid[-1] + ts)
+    ahead = sums[-1] + record.input[-1] * np.maximum(edges - record.t_s[-1], 0.0)
+    acted = np.diff(np.where(edges > record.t_s[-1], ahead, np.interp(edges, record.t_s, sums))) / ts
+    return replace(record, t_s=grid, sv=record.sv[held], pv=pv, mv=record.mv[held], acted=acted)
+
+
+def polled(record: Record, stood_s: Array | None = None, sent_s: Array | None = None) -> Record:
+    """Return a record whose samples were read out of a PLC: MV was already there when it was read.
+
+    A move that stands in a sample came at some time since the sample before, and not before the request that asked
+    for it; its middle is taken, and half of that time is what the dead time is uncertain by.
+
+    Args:
+        record: As read, time in s.
+        stood_s: When each MV was read the first time; None is the record's time.
+        sent_s: When requests left that wrote what MV follows, rising; None where the PLC alone moved MV.
+    """
+    t, mv = record.t_s, record.mv
+    low, high = t[:-1].copy(), t[1:] if stood_s is None else np.minimum(stood_s[1:], t[1:])
+    if sent_s is not None and sent_s.size:
+        last = np.searchsorted(sent_s, high, side="right") - 1
+        low = np.maximum(low, np.where(last >= 0, sent_s[np.maximum(last, 0)], -np.inf))
+    low = np.minimum(low, high)
+    share = (0.5 * (low + high) - t[:-1]) / np.diff(t)
+    acted = np.append(mv[:-1] * share + mv[1:] * (1.0 - share), mv[-1])
+    moves = np.abs(np.diff(mv))
+    timing = float(0.5 * (high - low) @ moves / np.sum(moves)) if np.any(moves) else 0.0
+    return replace(record, acted=acted, timing_s=timing)

@@ -11,7 +11,7 @@ from tuning_data import answered
 
 from ahgateway.apps.tune import tune
 from ahgateway.apps.tune_apply import Trial, as_json, as_text
-from ahgateway.apps.tune_experiment import Envelope
+from ahgateway.apps.tune_sitting import Envelope
 from ahgateway.codec.access import Read, Table
 from ahgateway.codec.station import PlantSpec, WriteLimit
 from ahgateway.core.real import REAL, bits

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-import math
+import dataclasses
 
 import pytest
 from lockstep.gate.gate_world import WRITES, GateWorld
 
-from ahgateway.apps.tune_experiment import Envelope, Experiment, Kind, Wanted
+from ahgateway.apps.tune_experiment import Experiment, Kind, Wanted
+from ahgateway.apps.tune_sitting import Envelope
 from ahgateway.codec.access import Read, Table
 from ahgateway.codec.station import PlantSpec, WriteLimit
+from ahgateway.core.real import REAL
 from ahgateway.errors import StateError
 from ahgateway.lockstep.picture import Sampler
 from ahgateway.tuning.identify import identify
@@ -97,9 +99,84 @@ async def test_a_loop_that_is_not_at_rest_is_refused_and_nothing_is_written(tmp_
     assert [] == world.sent()
 
 
-def test_without_a_size_the_profile_and_the_envelope_give_one(tmp_path):
-    _, experiment = bench(tmp_path)
-    assert 4.0 == experiment._sized(Kind.STEP, 0.02, 0.0)
-    assert 2.5 == experiment._sized(Kind.RELAY, 0.02, 0.0)
-    assert 4.0 == experiment._sized(Kind.SV, 0.02, 0.0)
-    assert math.isfinite(experiment._sized(Kind.DOUBLET, 0.0, 0.0))
+def world_with(folder, plant, **changes):
+    world = GateWorld(folder, INITIAL, plant=plant, scan_ms=10, **{"writes": WRITES, **changes})
+    world.clock.advance_ns(120_000_000_000)
+    world.plc.answer(Read(1, Table.HOLDING, 100, 1))
+    world.plc.writes.clear()
+    said = []
+    sampler = Sampler(world.loop, world.station, world.link, world.clock)
+    return world, Experiment(world.loop, world.gate(), sampler, world.clock, WIDE, told=said.append), said
+
+
+@pytest.mark.parametrize("kind", [Kind.STEP, Kind.DOUBLET, Kind.RELAY, Kind.SV])
+async def test_a_dead_time_of_two_cycles_comes_out_within_its_stated_interval(tmp_path, kind):
+    """0.4 s beside a CYCLE and a polling interval of 0.2 s: when MV moved is part of the interval."""
+    _, experiment, _ = world_with(tmp_path, PlantSpec("fopdt", 1.5, 6.0, 0.4, 20.0, 0.02, 80.0))
+    record, _ = await experiment.run(Wanted(kind, 4.0 if kind is Kind.SV else None))
+    fit = identify(record, Process.FOPDT).fit
+    assert 0.4 == pytest.approx(fit.model.dead_time_s, abs=fit.interval["dead_time_s"])
+    assert fit.interval["dead_time_s"] < 0.15
+
+
+async def test_a_slow_line_widens_the_interval_and_blames_no_valve(tmp_path):
+    """30 ms for each exchange, five of them a picture: moves of MV are known to a third of a second."""
+    world, experiment, _ = world_with(
+        tmp_path, PlantSpec("fopdt", 1.5, 6.0, 0.4, 20.0, 0.02, 80.0), latency_ns=30_000_000
+    )
+    record, _ = await experiment.run(Wanted(Kind.DOUBLET, 2.5))
+    found = identify(record, Process.FOPDT)
+    assert 0.4 == pytest.approx(found.fit.model.dead_time_s, abs=found.fit.interval["dead_time_s"])
+    assert not found.is_refused
+    assert [False] == world.holds("PID_MAN")
+
+
+async def test_a_step_grows_until_pv_answers_twenty_times_its_noise(tmp_path):
+    """Gain 1.5, noise 0.1: the answer of 2 that is aimed at needs a step of 1.33, and 0.8 was tried first."""
+    _, experiment, said = world_with(tmp_path, PlantSpec("fopdt", 1.5, 6.0, 1.0, 20.0, 0.1, 80.0))
+    record, _ = await experiment.run(Wanted(Kind.STEP))
+    assert said[1].startswith("PV answers 0.8 of MOUT by ")
+    assert 1.0 < float(record.mv.max() - record.mv[-1]) < 2.0
+    assert 14.0 < identify(record, Process.FOPDT).fit.snr < 30.0
+
+
+async def test_a_resolution_counts_like_noise(tmp_path):
+    """PV in steps of 0.1: 20 of them are aimed at, which is a step of 1.33 again."""
+    world, experiment, _ = world_with(tmp_path, PlantSpec("fopdt", 1.5, 6.0, 1.0, 20.0, 0.0, 80.0))
+    sampler = experiment.sampler.picture
+
+    async def coarse():
+        picture = await sampler()
+        pv = REAL(0.1 * round(float(picture.inputs.pv) / 0.1))
+        return dataclasses.replace(picture, inputs=picture.inputs._replace(pv=pv))
+
+    experiment.sampler.picture = coarse
+    record, _ = await experiment.run(Wanted(Kind.STEP))
+    # At rest nothing shows the resolution: PV stands on one value, and a small step is enough.
+    assert float(record.mv.max() - record.mv[-1]) <= 1.4
+    assert [False] == world.holds("PID_MAN")
+
+
+async def test_noise_that_no_allowed_step_overcomes_is_refused_with_the_ratio(tmp_path):
+    world, experiment, _ = world_with(tmp_path, PlantSpec("fopdt", 0.05, 6.0, 1.0, 78.0, 0.3, 80.0))
+    before = world.holds("PID_MAN", "SV")
+    with pytest.raises(StateError, match=r"times its noise of 0\.3\d*, at least 5 is needed; everything") as caught:
+        await experiment.run(Wanted(Kind.DOUBLET))
+    assert "whether the valve moves" in caught.value.hint
+    assert before == world.holds("PID_MAN", "SV")
+
+
+async def test_bounds_too_near_for_the_noise_are_refused_before_anything_is_written(tmp_path):
+    world, experiment, _ = world_with(tmp_path, PlantSpec("fopdt", 1.5, 6.0, 1.0, 20.0, 0.3, 80.0))
+    experiment.envelope = Envelope((78.0, 82.0), (10.0, 90.0))
+    with pytest.raises(StateError, match=r"PV may answer by 0\.9\d*, half of its room.*nothing was written"):
+        await experiment.run(Wanted(Kind.STEP))
+    assert [] == world.sent()
+
+
+async def test_a_biased_relay_swings_more_to_one_side(tmp_path):
+    _, experiment, _ = world_with(tmp_path, PlantSpec("fopdt", 1.5, 6.0, 1.0, 20.0, 0.02, 80.0))
+    record, _ = await experiment.run(Wanted(Kind.RELAY, 2.0, hysteresis=0.5, bias=0.5))
+    base = float(record.mv[:30].mean())
+    assert (3.0, -1.0) == pytest.approx((float(record.mv.max()) - base, float(record.mv.min()) - base), abs=0.1)
+    assert 0.5 < float(record.pv[:30].mean() - record.pv.min()) < 1.2

@@ -10,9 +10,10 @@ from tuning_data import doublet
 from typer.testing import CliRunner
 
 from ahgateway.apps.tune import tune
-from ahgateway.apps.tune_experiment import Envelope, Kind, Wanted
+from ahgateway.apps.tune_experiment import Kind, Wanted
 from ahgateway.apps.tune_page import page
 from ahgateway.apps.tune_session import Gains, Session
+from ahgateway.apps.tune_sitting import Envelope
 from ahgateway.apps.tune_spread import as_json, as_text, middle, spread
 from ahgateway.cli.main import app
 from ahgateway.codec.access import Read, Table
@@ -148,9 +149,9 @@ async def test_a_refused_result_writes_no_gains(tmp_path):
 
 
 async def test_gains_that_the_profile_forbids_do_not_lose_what_the_experiment_found(tmp_path):
-    world, session, _ = bench(tmp_path, WRITES)
+    world, session, _ = bench(tmp_path, LISTED | {"Kc_Kp": WriteLimit(0.1, 10.0, 0.5, 0.0)})
     live = await session.excited(Wanted(Kind.STEP, 2.5, 15.0), judged, 1, Gains("SIMC PI", 4.0, 25.0))
-    assert "allowed is 1 at once" in live.error.message
+    assert "allowed is 0.5 at once" in live.error.message
     assert not live.result.is_refused
     assert [bits(REAL(1.0))] == world.holds("Kc_Kp")
 

@@ -11,8 +11,9 @@ from lockstep.gate.gate_world import GateWorld
 from ahgateway.apps.record import Tape
 from ahgateway.apps.replay import Comparison, Replay
 from ahgateway.apps.tune import tune
-from ahgateway.apps.tune_experiment import Envelope, Kind, Wanted
+from ahgateway.apps.tune_experiment import Kind, Wanted
 from ahgateway.apps.tune_session import Session
+from ahgateway.apps.tune_sitting import Envelope
 from ahgateway.apps.witness import Witness
 from ahgateway.codec.access import Request, Table, Write
 from ahgateway.codec.station import PlantSpec

@@ -31,7 +31,7 @@ from ahgateway.lockstep.gate.journal import Journal, Told
 from ahgateway.lockstep.gate.outcome import Plan, Restored
 from ahgateway.lockstep.gate.plc_lease import PlcLease
 from ahgateway.lockstep.gate.scratch import with_scratch
-from ahgateway.lockstep.gate.session import Session, decide, last_session, replayed, words_json
+from ahgateway.lockstep.gate.session import GAINS, Session, decide, last_session, replayed, words_json
 from ahgateway.lockstep.gate.states import Event, State, after
 from ahgateway.lockstep.gate.stepping import TRIGGER, Stepping, with_trigger
 from ahgateway.lockstep.gate.wire import Wire
@@ -77,6 +77,7 @@ class Gate:
         state: Where the gate stands.
         session: What this arming has done, None before the first.
         as_found: The picture before the first write, None before it.
+        sent_ns: When the last request with a write left.
         recovered: What `arm` had to put back for an earlier run first, None when there was nothing.
         path: The journal.
     """
@@ -99,6 +100,7 @@ class Gate:
         self.state = State.DISARMED
         self.session: Session | None = None
         self.as_found: Picture | None = None
+        self.sent_ns = 0
         self.recovered: Restored | None = None
         self.path = journal_path(directory, station, loop)
         self._clock = clock
@@ -322,6 +324,14 @@ class Gate:
             await self._clock.sleep_ns(min(left_ns, self._guard.period_ns // 2))
         await self._clock.sleep_ns(ends_ns - self._clock.now_ns())
 
+    def tuned(self, picture: Picture) -> None:
+        """Note the gains that the instruction's own tuning has written: from now on only these are ours."""
+        assert self.session is not None
+        holds = {name: picture.words[name] for name in GAINS if name in picture.words}
+        for operand, words in holds.items():
+            self.session.prove(operand, words)
+        self._note("verified", holds=words_json(holds))
+
     async def _keep(self) -> None:
         """End the arming and leave everything as it was written."""
         try:
@@ -438,6 +448,7 @@ class Gate:
             self.session.intend(item.operand, item.old, item.new)
         if is_write:
             self.state = after(self.state, Event.SEND)
+        self.sent_ns = self._clock.now_ns()
         try:
             await self._wire.send(step.request)
         except PlcRefusedError as error:

@@ -4,6 +4,8 @@ This file alone decides what still is ours. For each operand it carries the set 
 us: as found, then every value whose request may have reached the PLC, cut to one when a fresh read has shown it. What
 stands there and is not in the set was written by somebody else, who is never overwritten.
 
+What the instruction writes because we set PID_MODE to 1 is ours too: any gains, until a picture has shown them.
+
 An operator takes over by the operands of the mode, or by the manual value while the loop is in manual: then nothing is
 put back at all. Any other operand that somebody changed is left alone, and the rest is put back.
 """
@@ -20,6 +22,12 @@ from ahgateway.lockstep.gate.change import follows_mv, in_manual
 from ahgateway.lockstep.gate.journal import Record
 
 Words = tuple[int, ...]
+TUNING: Words = (1, 0)
+"""PID_MODE = 1: the instruction tunes itself, writes its gains, and ends with PID_MODE = 0 (spec A.5)."""
+TUNED: Words = (0, 0)
+GAINS = ("Kp", "Ki", "Kd", "Kc_Kp", "Ti_Ki", "Td_Kd", "Tf")
+ANY: Words = ()
+"""Among the possible words of an operand: whatever the instruction writes there at our request."""
 
 
 @dataclass(slots=True)
@@ -48,6 +56,14 @@ class Session:
 
     def intend(self, operand: str, old: Words, new: Words) -> None:
         """A request that replaces this value by that may reach the PLC from now on."""
+        self._may_hold(operand, old, new)
+        if operand == "PID_MODE" and new == TUNING:
+            self._may_hold(operand, old, TUNED)
+            for name in GAINS:
+                if name in self.as_found:
+                    self._may_hold(name, self.as_found[name], ANY)
+
+    def _may_hold(self, operand: str, old: Words, new: Words) -> None:
         if operand not in self.possible:
             # What stood there just before may be another than as found: MOUT follows MV in automatic.
             self.possible[operand] = {self.as_found[operand], old}
@@ -56,7 +72,7 @@ class Session:
 
     def prove(self, operand: str, new: Words) -> None:
         """A fresh read has shown this value behind the last request."""
-        self.possible[operand] = {new}
+        self.possible[operand] = {new, TUNED} if operand == "PID_MODE" and new == TUNING else {new}
 
     def put_back(self) -> None:
         """The PLC itself may have put back any of it."""
@@ -66,7 +82,8 @@ class Session:
 
     def is_ours(self, operand: str, now: Raw) -> bool:
         """Tell whether what stands there can be as found or as we left it."""
-        return now[operand] in self.possible.get(operand, {self.as_found[operand]})
+        possible = self.possible.get(operand, {self.as_found[operand]})
+        return now[operand] in possible or ANY in possible
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,16 +131,17 @@ def decide(session: Session, roles: Roles, now: Raw) -> Decision:
 
 
 def _staged(roles: Roles, wanted: Mapping[str, Words]) -> list[dict[str, Words]]:
-    """Gains and limits first; out of manual before the manual value goes back, into manual behind it."""
-    rest = {name: words for name, words in wanted.items() if name not in (roles.manual, roles.mout)}
+    """PID_MODE first, so that no tuner writes behind us; gains and limits; MOUT behind manual, or before automatic."""
+    mode = {name: wanted[name] for name in ("PID_MODE",) if name in wanted}
+    rest = {name: words for name, words in wanted.items() if name not in ("PID_MODE", roles.manual, roles.mout)}
     mout = {name: wanted[name] for name in (roles.mout,) if name in wanted}
     man = {name: wanted[name] for name in (roles.manual,) if name in wanted}
-    ordered = [rest, mout, man] if man and in_manual(roles, man) else [rest, man, mout]
+    ordered = [mode, rest, mout, man] if man and in_manual(roles, man) else [mode, rest, man, mout]
     return [stage for stage in ordered if stage]
 
 
 def _conflict(session: Session, name: str, now: Raw) -> Conflict:
-    ours = tuple(sorted(session.possible.get(name, {session.as_found[name]})))
+    ours = tuple(sorted(session.possible.get(name, {session.as_found[name]}) - {ANY}))
     return Conflict(name, session.as_found[name], ours, now[name])
 
 
