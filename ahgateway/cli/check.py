@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
+from ahgateway.cli.check_ground import Asked, ground, runnable
 from ahgateway.cli.view import Output, print_json
 
 if TYPE_CHECKING:
+    import asyncio
+    from collections.abc import AsyncIterator
+
     from ahgateway.apps.check.history import Past
-    from ahgateway.apps.check.result import Result
-    from ahgateway.apps.check.run import Bench
-    from ahgateway.apps.check.suite import Floor
+    from ahgateway.apps.check.result import Floor, Result
+    from ahgateway.apps.check.suite import Ground
     from ahgateway.schema.scenario import KnownForm, Scenario
+
+Item = TypeVar("Item")
 
 MARKS = {"pass": "pass", "known": "known", "inconclusive": "INCONCLUSIVE", "error": "ERROR", "fail": "FAIL"}
 
@@ -28,12 +34,14 @@ def check(
         str | None, typer.Option(help="Profile of the bench: its loops and dialects; without it the shipped bench.")
     ] = None,
     target: Annotated[
-        str | None, typer.Option(help="The PLC, fake://PROFILE; without it the profile's own fake.")
+        str | None, typer.Option(help="The PLC: fake://PROFILE, or a real one; without it the profile's own target.")
     ] = None,
     over: Annotated[
         str, typer.Option(help="How it is reached: memory, tcp, rtu or ascii on a local socket.")
     ] = "memory",
     loop: Annotated[str, typer.Option(help="Loop to use; the first with the scenario's instruction otherwise.")] = "",
+    arm: Annotated[bool, typer.Option("--arm", help="Really drive a real bench; everything is put back.")] = False,
+    directory: Annotated[Path | None, typer.Option(help="Where journals and leases of a real bench stand.")] = None,
     expression: Annotated[
         str,
         typer.Option("-k", metavar="EXPR", help="Only names that hold this text; `a or b`, `not a` are understood."),
@@ -51,16 +59,19 @@ def check(
     history: Annotated[Path | None, typer.Option(help="Keep the results here, and say since when one fails.")] = None,
     output: Annotated[Output, typer.Option(help="text for people, json for one object per line.")] = Output.TEXT,
 ) -> None:
-    """Run scenarios on a bench, in virtual time, and say whether each passes.
+    """Run scenarios on a bench, a fake in virtual time or a real PLC, and say whether each passes.
 
     A scenario is a TOML file: a process, a time line, and what must be seen. Before the first one the bench runs
-    against itself; a bench that fails this is condemned, and nothing is said of the product. Exit code 0 when
+    against itself; a bench that fails this is condemned, and nothing is said of the product. On a real PLC of kind =
+    "bench" the process is simulated here and PV written into the PLC, with --arm only. Exit code 0 when
     everything passed or failed only where --known expects it, 1 when something failed or differs from --against, 2 for
     a wrong file, 3 when something was inconclusive, the bench was broken, or nothing was checked.
 
     Example: ahgateway check conformance --junit check.xml --html check.html
 
     Example: ahgateway check dpide -k "manual or saturation" --profile demo
+
+    Example: ahgateway check dpide --profile bench.toml --target modbus+tcp://192.0.2.10:502 --arm --history nights.db
     """
     import asyncio
 
@@ -73,10 +84,10 @@ def check(
             f"no scenario matches -k `{expression}`", hint="`ahgateway check conformance` runs the shipped"
         )
     part = _shard(scenarios, shard)
-    bench = _bench(profile, target, loop, over)
+    asked = Asked(profile, target, loop, over, arm, directory)
     entries = () if known is None else known_differences(known)
     files = _Files(junit, html, fingerprint, against, history, is_part=bool(expression or shard))
-    raise typer.Exit(asyncio.run(_check(part, bench, seed, repeat, entries, files, output)))
+    raise typer.Exit(asyncio.run(_check(part, asked, _Wish(seed, repeat, entries, files, output))))
 
 
 class _Files:
@@ -99,56 +110,96 @@ class _Files:
         self.before = None if against is None else read(against)
 
 
-async def _check(
-    scenarios: list[Scenario],
-    bench: Bench,
-    seed: int,
-    repeat: int,
-    known: tuple[KnownForm, ...],
-    files: _Files,
-    output: Output,
-) -> int:
-    from datetime import UTC, datetime
+@dataclass(frozen=True, slots=True)
+class _Wish:
+    """How scenarios are run, and what becomes of their results."""
 
-    from ahgateway.apps.check.suite import floor_of, results, unused
+    seed: int
+    repeat: int
+    known: tuple[KnownForm, ...]
+    files: _Files
+    output: Output
+
+
+async def _check(scenarios: list[Scenario], asked: Asked, wish: _Wish) -> int:
+    """Run what the ground can carry out, however it ends; return the exit code."""
+    from ahgateway.apps.check.suite import unused
     from ahgateway.cli.interrupt import stop_event
-    from ahgateway.clock import SECOND, WallClock
-    from ahgateway.schema.scenario import baselines
+    from ahgateway.clock import WallClock
 
-    wall = WallClock()
-    utc_ns = wall.utc_ns()
     if not scenarios:
         typer.echo("nothing was checked: this shard is empty", err=True)
         return 3
-    for baseline in baselines(scenarios):
-        floor = await floor_of(baseline, bench, seed, wall)
-        _say_floor(f"bench {baseline.controller.name}", floor, output)
-        if not floor.is_sound:
-            break
+    utc_ns = WallClock().utc_ns()
+    async with ground(asked) as bench:
+        part, left_out = runnable(scenarios, bench)
+        for name, reason in left_out:
+            typer.echo(f"note: {name} is left out: {reason}", err=True)
+        with stop_event() as stop:
+            found, floor = await _carried_out(part, bench, wish, utc_ns, stop)
+        for entry in unused(wish.known, found):
+            typer.echo(f"note: known difference `{entry.scenario}` of {entry.owner} was not seen", err=True)
+        rest = f", {len(left_out)} left out" if left_out else ""
+        claim = _claim(found, floor, rest, is_whole=not stop.is_set())
+        return _closed(found, floor, bench.target, claim, wish, utc_ns, is_whole=not stop.is_set())
+
+
+async def _carried_out(
+    scenarios: list[Scenario], bench: Ground, wish: _Wish, utc_ns: int, stop: asyncio.Event
+) -> tuple[list[Result], Floor]:
+    """Try the bench, then run each scenario; a signal ends the one under way, which puts everything back."""
+    from datetime import UTC, datetime
+
+    from ahgateway.apps.check.result import Floor
+    from ahgateway.apps.check.suite import results
+    from ahgateway.clock import SECOND, WallClock
+
+    wall = WallClock()
+    floor = Floor(False, "nothing was left to check")
+    async for instruction, floor in _until(stop, bench.floors(scenarios, wish.seed, wall)):
+        _say_floor(f"bench {instruction}", floor, wish.output)
     found: list[Result] = []
-    with stop_event() as stop:
-        if floor.is_sound:
-            today = datetime.fromtimestamp(utc_ns // SECOND, UTC).date()
-            async for result in results(scenarios, bench, wall, seed=seed, repeat=repeat, known=known, today=today):
-                found.append(result)
-                _say(result, output)
-                if stop.is_set():
-                    break
-    for entry in unused(known, found):
-        typer.echo(f"note: known difference `{entry.scenario}` of {entry.owner} was not seen", err=True)
-    return _closed(found, floor, bench, seed, utc_ns, files, output, is_whole=not stop.is_set())
+    if floor.is_sound:
+        today = datetime.fromtimestamp(utc_ns // SECOND, UTC).date()
+        running = results(
+            scenarios, bench, wall, seed=wish.seed, repeat=wish.repeat, known=wish.known, today=today
+        )  # fmt: skip
+        async for result in _until(stop, running):
+            found.append(result)
+            _say(result, wish.output)
+    return found, floor
+
+
+async def _until(stop: asyncio.Event, items: AsyncIterator[Item]) -> AsyncIterator[Item]:
+    """Yield items until there are no more, or cancel the one that is being made once `stop` is set."""
+    import asyncio
+
+    stopping = asyncio.ensure_future(stop.wait())
+    try:
+        while True:
+            coming = asyncio.ensure_future(_next(items))
+            await asyncio.wait({coming, stopping}, return_when=asyncio.FIRST_COMPLETED)
+            if not coming.done():
+                coming.cancel()
+            try:
+                made = await coming
+            except asyncio.CancelledError:
+                return
+            if not made:
+                return
+            yield made[0]
+    finally:
+        stopping.cancel()
+
+
+async def _next(items: AsyncIterator[Item]) -> tuple[Item, ...]:
+    async for item in items:
+        return (item,)
+    return ()
 
 
 def _closed(
-    found: list[Result],
-    floor: Floor,
-    bench: Bench,
-    seed: int,
-    utc_ns: int,
-    files: _Files,
-    output: Output,
-    *,
-    is_whole: bool,
+    found: list[Result], floor: Floor, target: str, claim: str, wish: _Wish, utc_ns: int, *, is_whole: bool
 ) -> int:
     """Write the files, say what came out, return the exit code."""
     from ahgateway.apps.check import fingerprint as prints
@@ -157,6 +208,7 @@ def _closed(
     from ahgateway.apps.check.page import page
     from ahgateway.apps.check.result import run_exit
 
+    files, seed, output = wish.files, wish.seed, wish.output
     mine = prints.fingerprint(found, seed)
     differences = [] if files.before is None else prints.compared(files.before, mine, is_part=files.is_part)
     code = int(run_exit(found))
@@ -164,8 +216,6 @@ def _closed(
         code = 1
     elif not is_whole and code == 0:
         code = 3
-    claim = _claim(found, floor, is_whole=is_whole)
-    target = bench.fake.target
     if files.junit is not None:
         _write(files.junit, junit(found if floor.is_sound else [_condemned(floor)], target, utc_ns))
     if files.fingerprint is not None:
@@ -213,14 +263,14 @@ def _condemned(floor: Floor) -> Result:
     return Result("bench/against-itself", "The bench against itself", "", Verdict.ERROR, text)
 
 
-def _claim(found: list[Result], floor: Floor, *, is_whole: bool) -> str:
+def _claim(found: list[Result], floor: Floor, rest: str, *, is_whole: bool) -> str:
     if not floor.is_sound:
         return "bench broken: nothing is said of the product"
     kinds = [each.verdict.value for each in found]
     counted = ", ".join(f"{kinds.count(kind)} {kind}" for kind in MARKS if kind in kinds)
     took = f"{sum(each.simulated_s for each in found):.0f} s simulated in {sum(each.wall_s for each in found):.1f} s"
     stopped = "" if is_whole else "stopped before the end: "
-    return f"{stopped}{len(found)} scenarios: {counted or 'nothing was checked'}; {took}"
+    return f"{stopped}{len(found)} scenarios: {counted or 'nothing was checked'}{rest}; {took}"
 
 
 def _say_floor(name: str, floor: Floor, output: Output) -> None:
@@ -231,12 +281,15 @@ def _say_floor(name: str, floor: Floor, output: Output) -> None:
 
 
 def _say(result: Result, output: Output) -> None:
+    from ahgateway.apps.check.pace import sentence
     from ahgateway.apps.check.result import State, Verdict
 
     if output is Output.JSON:
         print_json(_as_json(result))
         return
     typer.echo(f"{result.name:28} {MARKS[result.verdict.value]:12} {result.reason}")
+    if result.pace:
+        typer.echo(f"{'':30}pace: {sentence(result.pace)}")
     if result.verdict is Verdict.PASS:
         return
     for each in result.outcomes:
@@ -266,6 +319,7 @@ def _as_json(result: Result) -> dict[str, Any]:
         "coverage": result.counts.coverage,
         "simulated_s": result.simulated_s,
         "wall_s": round(result.wall_s, 3),
+        "pace": {name: number(each) for name, each in result.pace.items()},
     }  # fmt: skip
 
 
@@ -290,31 +344,6 @@ def _shard(scenarios: list[Scenario], text: str | None) -> list[Scenario]:
     if match is None or not 1 <= int(match[1]) <= int(match[2]):
         raise ProfileError(f"`{text}` is no shard, allowed are 1/N to N/N", key="--shard")
     return sharded(scenarios, int(match[1]), int(match[2]))
-
-
-def _bench(profile: str | None, target: str | None, loop: str, over: str) -> Bench:
-    """The stations that meet: what the profile says of the PLC, and the fake that is the PLC."""
-    from ahgateway.apps.check.run import Bench
-    from ahgateway.apps.check.wires import WIRES
-    from ahgateway.errors import ProfileError, StateError
-    from ahgateway.schema.profile import load
-    from ahgateway.schema.scenario import library
-    from ahgateway.transports.uri import parse_uri
-
-    if over not in WIRES:
-        raise ProfileError(f"`{over}` is no wire, allowed are {', '.join(WIRES)}", key="--over")
-    shipped = str(library() / "bench.toml")
-    station = load(profile or shipped).station()
-    wanted = parse_uri(target or station.target)
-    if wanted.scheme != "fake":
-        raise StateError(
-            f"{wanted.text}: check drives a simulated process, and writes neither PV nor a time line to a real PLC",
-            hint="name the PLC's profile with --profile and --target fake://PROFILE; `monitor` follows the real one",
-        )
-    if target is None:
-        return Bench(station, station, loop, wire=WIRES[over])
-    other = load(shipped if wanted.path == "bench" else wanted.path).station()
-    return Bench(station, other, loop, wire=WIRES[over])
 
 
 def _write(path: Path, text: str) -> None:

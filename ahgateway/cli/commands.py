@@ -57,7 +57,9 @@ COMMANDS: dict[str, Row] = {
         "commission:commission",
         "Take one loop to a sheet to sign: find the link, settle the map, read the loop, shadow it, prove its wiring.",
     ),
-    "check": Row("check:check", "Run scenarios on a bench, in virtual time, and say whether each passes."),
+    "check": Row(
+        "check:check", "Run scenarios on a bench, a fake in virtual time or a real PLC, and say whether each passes."
+    ),
     "write": Row(
         "write:write", "Write operands of one loop, each read back; without --arm only say what would be written."
     ),

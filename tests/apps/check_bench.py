@@ -6,9 +6,9 @@ import asyncio
 from dataclasses import replace
 from typing import Any
 
-from ahgateway.apps.check.result import Result
-from ahgateway.apps.check.run import Bench
-from ahgateway.apps.check.suite import Floor, floor_of, results
+from ahgateway.apps.check.result import Floor, Result
+from ahgateway.apps.check.run import Bench, floor_of
+from ahgateway.apps.check.suite import results
 from ahgateway.clock import VirtualClock
 from ahgateway.codec.station import Station
 from ahgateway.schema.profile import load

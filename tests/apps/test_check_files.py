@@ -10,8 +10,7 @@ import pytest
 from ahgateway.apps.check.fingerprint import compared, fingerprint, read, text_of
 from ahgateway.apps.check.junit import junit
 from ahgateway.apps.check.page import page
-from ahgateway.apps.check.result import Outcome, Result, State, Trouble, Verdict
-from ahgateway.apps.check.suite import Floor
+from ahgateway.apps.check.result import Floor, Outcome, Result, State, Trouble, Verdict
 from ahgateway.errors import ProfileError
 
 TRACE = {"t": [0.0, 1.0], "SV": [50.0, 50.0], "PV": [49.0, 49.5], "MV": [30.0, 31.0]}

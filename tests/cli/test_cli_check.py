@@ -8,7 +8,7 @@ from pathlib import Path
 from typer.testing import CliRunner
 
 from ahgateway.cli.main import app
-from ahgateway.errors import StateError
+from ahgateway.errors import ProfileError, StateError
 from ahgateway.schema.scenario import library
 
 RUNNER = CliRunner()
@@ -67,11 +67,21 @@ def test_a_filter_that_matches_nothing_is_refused(tmp_path: Path) -> None:
     assert "no scenario matches" in result.exception.message
 
 
-def test_a_real_target_is_refused_before_anything_is_sent(tmp_path: Path) -> None:
+def test_a_real_target_is_not_driven_without_being_armed(tmp_path: Path) -> None:
     result = RUNNER.invoke(app, ["check", folder(tmp_path), "--target", "modbus+tcp://192.0.2.1:502"])
 
-    assert isinstance(result.exception, StateError)
-    assert "writes neither PV nor a time line to a real PLC" in result.exception.message
+    assert isinstance(result.exception, ProfileError)
+    assert "nothing was sent" in result.exception.message
+
+
+def test_a_plc_that_is_no_bench_is_never_driven(tmp_path: Path) -> None:
+    plant = tmp_path / "plant.toml"
+    plant.write_text((library() / "bench.toml").read_text("utf-8").replace('kind = "bench"', ""), "utf-8")
+    asked = ["check", folder(tmp_path), "--profile", str(plant), "--target", "modbus+tcp://192.0.2.1:502", "--arm"]
+    result = RUNNER.invoke(app, asked)
+
+    assert isinstance(result.exception, ProfileError)
+    assert "Check bench is no bench" in result.exception.message
 
 
 def test_a_plc_that_is_no_match_for_the_profile_is_not_the_products_fault(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from ahgateway.cli.commands import COMMANDS, loaded
 ROOFS = {
     "__init__",
     "commands",
+    "check_ground",
     "gate_place",
     "interrupt",
     "main",

@@ -251,7 +251,8 @@ def test_a_profile_is_found_by_path_or_by_the_name_of_an_example(tmp_path) -> No
     with pytest.raises(ProfileError) as caught:
         profile.load("demoo")
     assert caught.value.message == (
-        "`demoo` is no file and no shipped name; shipped examples: can, demo, melsec_pid, pid_reg_ce, pid_temp, single"
+        "`demoo` is no file and no shipped name; shipped examples: can, demo, live_bench, melsec_pid, pid_reg_ce, "
+        "pid_temp, single"
     )
     assert caught.value.hint == "did you mean `demo`?"
 

@@ -7,8 +7,8 @@ from datetime import UTC, datetime
 from typing import Any
 
 from ahgateway.apps.check.fingerprint import Difference
-from ahgateway.apps.check.result import Result, State, Verdict
-from ahgateway.apps.check.suite import Floor
+from ahgateway.apps.check.pace import sentence
+from ahgateway.apps.check.result import Floor, Result, State, Verdict
 from ahgateway.apps.pages import figure, framed, svg
 from ahgateway.clock import SECOND
 
@@ -38,6 +38,7 @@ BODY = """
 {% endfor %}</table>{% endif %}
 {% for trouble in each.troubles %}
 <p>Bench, from {{ '%.2f'|format(trouble.at_s) }} s on: {{ trouble.text }}</p>{% endfor %}
+{% if each.pace %}<p class="muted">Pace: {{ pace(each.pace) }}.</p>{% endif %}
 {% if plots[each.name] is defined %}<figure>{{ plots[each.name] }}</figure>{% endif %}
 {% endfor %}
 """
@@ -82,6 +83,7 @@ def page(
         when=datetime.fromtimestamp(utc_ns // SECOND, UTC).strftime("%Y-%m-%d %H:%M UTC"),
         took=f"{sum(each.wall_s for each in results):.1f}",
         simulated=f"{sum(each.simulated_s for each in results):.0f}",
+        pace=sentence,
         colours=COLOURS | {Verdict.PASS: ""},
         plots={each.name: plot(each) for each in worst if each.trace.get("t")},
     )

@@ -59,6 +59,23 @@ class Trouble:
     text: str
 
 
+@dataclass(frozen=True, slots=True)
+class Floor:
+    """What the bench makes of itself.
+
+    Attributes:
+        is_sound: Nothing differed.
+        text: What was seen, one sentence.
+        noise: Largest difference of MV between two equal runs, in MV's unit.
+        executions: How many were compared.
+    """
+
+    is_sound: bool
+    text: str
+    noise: float = 0.0
+    executions: int = 0
+
+
 Trace = Mapping[str, Sequence[float]]
 """Signals by name, `t` in s among them, all of one length."""
 
@@ -81,6 +98,7 @@ class Result:
         seed: Of the noise.
         simulated_s: Time that passed in the PLC.
         wall_s: Time that it took.
+        pace: How well a real PLC was kept pace with (`pace.Pace.figures`); empty in virtual time.
     """
 
     name: str
@@ -96,6 +114,7 @@ class Result:
     seed: int = 0
     simulated_s: float = 0.0
     wall_s: float = 0.0
+    pace: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def figures(self) -> dict[str, float]:

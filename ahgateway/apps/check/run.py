@@ -8,11 +8,12 @@ scenarios give equal words. On a real PLC `live` does the same.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from ahgateway.apps.check.result import Floor
 from ahgateway.apps.check.watch import CutLink, Seen, Watch, believed, loop_for
 from ahgateway.apps.check.wires import Wire, memory
 from ahgateway.clock import MILLISECOND, SECOND, Clock, VirtualClock
@@ -20,7 +21,7 @@ from ahgateway.codec.station import FakeLoop, Loop, Station
 from ahgateway.fake.plc import FakePlc
 from ahgateway.lockstep.follow import cycle_ns
 from ahgateway.lockstep.picture import Picture
-from ahgateway.schema.scenario import Action, Scenario
+from ahgateway.schema.scenario import Action, Scenario, baselines
 
 POLLS_PER_CYCLE = 2
 POLLS_PER_CALL = 4
@@ -58,6 +59,23 @@ class Bench:
     def target(self) -> str:
         """What people call the PLC."""
         return self.fake.target
+
+    @property
+    def is_repeatable(self) -> bool:
+        """True: time is the fake's own."""
+        return True
+
+    async def run(self, scenario: Scenario, seed: int, wall: Clock) -> Seen:
+        """Run one scenario; see `run`."""
+        return await run(scenario, self, seed, wall)
+
+    async def floors(self, scenarios: Sequence[Scenario], seed: int, wall: Clock) -> AsyncIterator[tuple[str, Floor]]:
+        """Run a short shipped scenario of each instruction against itself, up to the first that fails."""
+        for baseline in baselines(scenarios):
+            floor = await floor_of(baseline, self, seed, wall)
+            yield baseline.controller.name, floor
+            if not floor.is_sound:
+                return
 
 
 async def run(scenario: Scenario, bench: Bench, seed: int, wall: Clock) -> Seen:
@@ -201,3 +219,29 @@ class _Course:
             value = first + (target - first) * number / count
             when_ns = at_ns + (until_ns - at_ns) * number // count
             plc.at(when_ns, partial(self._set, {operand: value}))
+
+
+async def floor_of(scenario: Scenario, bench: Bench, seed: int, wall: Clock) -> Floor:
+    """Run a scenario twice on a healthy PLC like the one that we believe in, with one seed, and compare everything.
+
+    Any difference between the two, any divergence of either, any lost reply condemns the bench.
+    """
+    healthy = replace(bench, fake=bench.station, fault=None)
+    first, second = [await run(scenario, healthy, seed, wall) for _ in range(2)]
+    for each in (first, second):
+        if each.troubles:
+            return Floor(False, each.troubles[0].text)
+        if each.counts.diverged:
+            return Floor(False, f"{each.counts.diverged} executions of the reference diverged from itself")
+    if not first.counts.informative:
+        return Floor(False, "the bench saw no execution that proves anything")
+    noise = _apart(first, second)
+    if first.digests != second.digests:
+        return Floor(False, f"two equal runs differ, by {noise:.3g} of MV", noise, first.counts.compared)
+    count = first.counts.compared + second.counts.compared
+    return Floor(True, f"{count} executions of the reference against itself agree by bits", noise, count)
+
+
+def _apart(first: Seen, second: Seen) -> float:
+    pairs = zip(first.moments, second.moments, strict=False)
+    return max((abs(a.mv - b.mv) for a, b in pairs), default=0.0)

@@ -1,20 +1,16 @@
-"""Runs a set of scenarios one behind the other: first the bench against itself, then each scenario, then what is known.
-
-The bench is tried with a healthy fake over the same wire, twice, with the same seed: any difference between the two,
-any divergence of either, any lost reply condemns the bench, and nothing is said of the product.
-"""
+"""Runs a set of scenarios one behind the other, each with its verdict; then what is known of them."""
 
 from __future__ import annotations
 
 import zlib
 from collections.abc import AsyncIterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import date
 from fnmatch import fnmatchcase
+from typing import Protocol
 
 from ahgateway.apps.check.expect import judged
-from ahgateway.apps.check.result import Outcome, Result, State, Verdict, concluded, excused
-from ahgateway.apps.check.run import Bench, run
+from ahgateway.apps.check.result import Floor, Outcome, Result, State, Verdict, concluded, excused
 from ahgateway.apps.check.watch import Seen
 from ahgateway.clock import SECOND, Clock
 from ahgateway.errors import AhGatewayError
@@ -24,49 +20,27 @@ TRACE_MAX = 1500
 """Most points kept of a trace."""
 
 
-@dataclass(frozen=True, slots=True)
-class Floor:
-    """What the bench makes of itself.
+class Ground(Protocol):
+    """What scenarios run on: a fake in virtual time, or a real PLC."""
 
-    Attributes:
-        is_sound: Nothing differed.
-        text: What was seen, one sentence.
-        noise: Largest difference of MV between two equal runs, in MV's unit.
-        executions: How many were compared.
-    """
+    @property
+    def target(self) -> str:
+        """What people call it."""
 
-    is_sound: bool
-    text: str
-    noise: float = 0.0
-    executions: int = 0
+    @property
+    def is_repeatable(self) -> bool:
+        """Tell whether equal seeds leave equal words."""
 
+    def floors(self, scenarios: Sequence[Scenario], seed: int, wall: Clock) -> AsyncIterator[tuple[str, Floor]]:
+        """Try the ground itself, for each instruction among the scenarios."""
 
-async def floor_of(scenario: Scenario, bench: Bench, seed: int, wall: Clock) -> Floor:
-    """Run a scenario twice on a healthy PLC like the one that we believe in, and compare everything."""
-    healthy = replace(bench, fake=bench.station, fault=None)
-    first, second = [await run(scenario, healthy, seed, wall) for _ in range(2)]
-    for each in (first, second):
-        if each.troubles:
-            return Floor(False, each.troubles[0].text)
-        if each.counts.diverged:
-            return Floor(False, f"{each.counts.diverged} executions of the reference diverged from itself")
-    if not first.counts.informative:
-        return Floor(False, "the bench saw no execution that proves anything")
-    noise = _apart(first, second)
-    if first.digests != second.digests:
-        return Floor(False, f"two equal runs differ, by {noise:.3g} of MV", noise, first.counts.compared)
-    count = first.counts.compared + second.counts.compared
-    return Floor(True, f"{count} executions of the reference against itself agree by bits", noise, count)
-
-
-def _apart(first: Seen, second: Seen) -> float:
-    pairs = zip(first.moments, second.moments, strict=False)
-    return max((abs(a.mv - b.mv) for a, b in pairs), default=0.0)
+    async def run(self, scenario: Scenario, seed: int, wall: Clock) -> Seen:
+        """Run one scenario."""
 
 
 async def results(
     scenarios: Sequence[Scenario],
-    bench: Bench,
+    bench: Ground,
     wall: Clock,
     *,
     seed: int = 1,
@@ -92,12 +66,12 @@ async def results(
             yield with_known(result, scenario.name, known, today)
 
 
-async def _one(scenario: Scenario, name: str, bench: Bench, seed: int, wall: Clock) -> Result:
+async def _one(scenario: Scenario, name: str, bench: Ground, seed: int, wall: Clock) -> Result:
     begun_ns = wall.now_ns()
     head = Result(name, scenario.title, scenario.controller.name, Verdict.ERROR, "", seed=seed)
     try:
         # A scenario keeps its noise whatever runs beside it.
-        seen = await run(scenario, bench, zlib.crc32(f"{scenario.name} {seed}".encode()), wall)
+        seen = await bench.run(scenario, zlib.crc32(f"{scenario.name} {seed}".encode()), wall)
     except AhGatewayError as error:
         text = f"{error}; hint: {error.hint}" if error.hint else str(error)
         return replace(head, reason=text, wall_s=(wall.now_ns() - begun_ns) / SECOND)
@@ -110,11 +84,17 @@ async def _one(scenario: Scenario, name: str, bench: Bench, seed: int, wall: Clo
         outcomes=outcomes,
         troubles=tuple(seen.troubles),
         counts=seen.counts,
-        digests=tuple(seen.digests),
+        digests=tuple(seen.digests) if bench.is_repeatable else told(outcomes),
+        pace=seen.pace,
         trace=trace_of(seen),
         simulated_s=seen.simulated_s,
         wall_s=(wall.now_ns() - begun_ns) / SECOND,
     )
+
+
+def told(outcomes: Sequence[Outcome]) -> tuple[int, ...]:
+    """Return CRC32s of what became of each expectation: all that two runs in real time can have in common."""
+    return tuple(zlib.crc32(f"{each.name} {each.state.value}".encode()) for each in outcomes)
 
 
 def trace_of(seen: Seen) -> dict[str, list[float]]:

@@ -253,6 +253,10 @@ class Watch:
         if all(each.text != text for each in self.seen.troubles):
             self.seen.troubles.append(Trouble(self.now_s(), text))
 
+    def trouble_first(self, text: str) -> None:
+        """Note what was wrong with the bench all the time: nothing that was seen is worth anything."""
+        self.seen.troubles.insert(0, Trouble(0.0, text))
+
     def done(self) -> Seen:
         """Return everything that was seen, counted."""
         self.seen.counts = self._follower.summary()

@@ -57,6 +57,13 @@ class Item:
         """What will stand there, typed and rounded."""
         return decode(self.kind, self.new)
 
+    def facts(self) -> dict[str, Any]:
+        """Return the change as the journal keeps it."""
+        return {
+            "operand": self.operand, "device": self.device, "old": list(self.old), "new": list(self.new),
+            "old_value": shown(self.old_value), "new_value": shown(self.new_value),
+        }  # fmt: skip
+
 
 @dataclass(frozen=True, slots=True)
 class Step:
@@ -251,6 +258,11 @@ def _check_together(loop: Loop, groups: Sequence[Sequence[Item]]) -> None:
                 f"loop {loop.name}: {', '.join(names)} must land together, but one request cannot hold them",
                 hint="name the operands between them too, or write one of them alone",
             )
+
+
+def single(station: Station, change: Item) -> Step:
+    """Return the request that carries one change, whether anything changes or not."""
+    return _step(station, [change])
 
 
 def _step(station: Station, group: Sequence[Item]) -> Step:

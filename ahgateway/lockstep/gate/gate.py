@@ -13,7 +13,6 @@ write, read, until nothing of ours is left or something is not ours any more.
 from __future__ import annotations
 
 import contextlib
-import hashlib
 from collections.abc import AsyncIterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -26,9 +25,10 @@ from ahgateway.codec.station import Loop, Station
 from ahgateway.codec.words import decode
 from ahgateway.errors import AhGatewayError, PlcRefusedError, StateError, TransportError
 from ahgateway.lockstep.gate import change, checks, planning
-from ahgateway.lockstep.gate.change import Item, Step, shown
+from ahgateway.lockstep.gate.change import Item, Step
 from ahgateway.lockstep.gate.journal import Journal, Told
 from ahgateway.lockstep.gate.outcome import Plan, Restored
+from ahgateway.lockstep.gate.place import journal_path
 from ahgateway.lockstep.gate.plc_lease import PlcLease
 from ahgateway.lockstep.gate.scratch import with_scratch
 from ahgateway.lockstep.gate.session import GAINS, Session, decide, last_session, replayed, words_json
@@ -45,19 +45,6 @@ MANUAL_TRIES = 3
 UNCLEAN_HINT = "look at the loop; then `--restore` tries again, `--accept` takes it as it stands"
 RESTORE_PATIENCE_NS = 30 * SECOND
 RESTORE_RETRY_NS = SECOND // 2
-
-
-def identity(station: Station, loop: Loop) -> str:
-    """Return what tells one loop of one PLC from all others, whatever people call them: 16 hexadecimal digits."""
-    base = station.target.partition("?")[0].rstrip("/").lower()
-    place = block.address(loop, station.devices, loop.controller.roles.place)
-    text = f"{base} {station.unit} {place.table.value} {place.address}"
-    return hashlib.sha256(text.encode("utf-8")).hexdigest()[:16]
-
-
-def journal_path(directory: Path, station: Station, loop: Loop) -> Path:
-    """Return where a loop's journal stands."""
-    return directory / f"{identity(station, loop)}.jsonl"
 
 
 class Gate:
@@ -278,6 +265,29 @@ class Gate:
             await self._undo(cause)
             raise
 
+    async def stream(self, operand: str, value: Any, now: Raw) -> tuple[int, ...]:
+        """Write the process value of a bench once more; return the words that went out.
+
+        Not read back: whoever streams compares the next picture with what went out. The journal holds the first
+        value only, and what stands there afterwards counts as ours. `now` holds the words that stand there.
+
+        Raises:
+            StateError: Not armed, or not allowed (`planning.streamed`, `checks.rate`).
+            TransportError: The link failed; nothing is put back yet.
+            PlcRefusedError: The PLC refused it.
+        """
+        await self.check()
+        assert self.session is not None
+        step = planning.streamed(self.loop, self.station, operand, value, now)
+        checks.rate(self.loop, (step,), self._written_ns, self._clock.now_ns())
+        (item,) = step.items
+        if not self.session.is_streamed(operand):
+            self._write_down(step, "stream", "")
+            self.session.stream(operand, item.old, item.new)
+        await self._wire.send(step.request)
+        self._written_ns[operand] = self._clock.now_ns()
+        return item.new
+
     async def check(self) -> None:
         """Make sure that the gate is armed and its time is not over, and beat; put everything back when that fails.
 
@@ -480,10 +490,10 @@ class Gate:
     def _write_down(self, step: Step, kind: str, why: str) -> None:
         facts = {
             "table": step.request.table.value, "address": step.request.address, "words": list(step.request.values),
-            "items": [_item_json(item) for item in step.items], "who": self.who, "why": why,
+            "items": [item.facts() for item in step.items], "who": self.who, "why": why,
         }  # fmt: skip
         assert self._journal is not None
-        if kind == "write":
+        if kind != "restore":
             self._journal.append(kind, **facts)
         else:
             # A full disk must not keep a loop from going back.
@@ -587,10 +597,3 @@ class Gate:
             f"loop {self.loop.name}: {first}{restored.text(self.loop)}",
             hint=UNCLEAN_HINT,
         )
-
-
-def _item_json(item: Item) -> dict[str, Any]:
-    return {
-        "operand": item.operand, "device": item.device, "old": list(item.old), "new": list(item.new),
-        "old_value": shown(item.old_value), "new_value": shown(item.new_value),
-    }  # fmt: skip

@@ -43,6 +43,20 @@ def steps(loop: Loop, station: Station, stage: Mapping[str, Any], picture: Pictu
     return _steps(loop, station, stage, dict(picture.words), picture)
 
 
+def streamed(loop: Loop, station: Station, operand: str, value: Any, now: Raw) -> Step:
+    """Return the request that writes the process value of a bench once more.
+
+    Raises:
+        StateError: It is no bench or no process value, it may not be written, or a limit forbids it.
+    """
+    if not station.bench or operand not in loop.controller.roles.pvs:
+        raise StateError(
+            f"loop {loop.name}: {operand} is not streamed, only the process value of a bench is",
+            hint='kind = "bench" in [station] says that nothing but our simulation hangs on the PLC',
+        )
+    return change.single(station, change.item(loop, station, operand, value, now))
+
+
 def _steps(loop: Loop, station: Station, stage: Mapping[str, Any], words: Raw, picture: Picture) -> tuple[Step, ...]:
     items = []
     roles = loop.controller.roles

@@ -27,7 +27,7 @@ TUNING: Words = (1, 0)
 TUNED: Words = (0, 0)
 GAINS = ("Kp", "Ki", "Kd", "Kc_Kp", "Ti_Ki", "Td_Kd", "Tf")
 ANY: Words = ()
-"""Among the possible words of an operand: whatever the instruction writes there at our request."""
+"""Among the possible words of an operand: whatever comes to stand there at our request."""
 
 
 @dataclass(slots=True)
@@ -53,6 +53,15 @@ class Session:
     anchor: str = ""
     lease: int = 0
     is_put_back: bool = False
+
+    def stream(self, operand: str, old: Words, new: Words) -> None:
+        """From now on requests with any value reach the PLC, this one first."""
+        self.intend(operand, old, new)
+        self.possible[operand].add(ANY)
+
+    def is_streamed(self, operand: str) -> bool:
+        """Tell whether any value that stands there is ours."""
+        return ANY in self.possible.get(operand, ())
 
     def intend(self, operand: str, old: Words, new: Words) -> None:
         """A request that replaces this value by that may reach the PLC from now on."""
@@ -178,6 +187,9 @@ def _take_in(session: Session, kind: str, record: Mapping[str, Any]) -> None:
             session.end = ""
     elif kind == "stepping":
         session.intend(record["operand"], (0,), (1,))
+    elif kind == "stream":
+        for change in record["items"]:
+            session.stream(change["operand"], tuple(change["old"]), tuple(change["new"]))
     elif kind == "verified":
         for operand, words in record["holds"].items():
             session.prove(operand, tuple(words))
