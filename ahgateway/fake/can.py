@@ -21,7 +21,7 @@ from ahgateway.codec.can_sdo import (
 )
 from ahgateway.errors import PlcRefusedError
 from ahgateway.fake.memory import BUSY, ILLEGAL_ADDRESS, ILLEGAL_COUNT, ILLEGAL_FUNCTION
-from ahgateway.transports.base import Device
+from ahgateway.fake.plc import FakePlc
 
 RESOURCE_TAKEN = 0x060A_0023
 _ABORTS = {
@@ -33,16 +33,16 @@ _ABORTS = {
 
 
 class CanPlc:
-    """Objects and PDOs of a device; a `transports.can.node.Content`.
+    """Objects and PDOs of a fake PLC; a `transports.can.node.Content`.
 
     Args:
-        device: The fake PLC.
+        plc: The fake PLC.
         objects: Which object holds which devices.
-        unit: Station number of the device.
+        unit: Station number of the PLC.
     """
 
-    def __init__(self, device: Device, objects: CanMap, unit: int = 1) -> None:
-        self._device = device
+    def __init__(self, plc: FakePlc, objects: CanMap, unit: int = 1) -> None:
+        self._plc = plc
         self._objects = objects
         self._unit = unit
 
@@ -52,20 +52,20 @@ class CanPlc:
         if held is None and sub == 0 and self._objects.subs(index):
             return bytes((self._objects.subs(index),))
         held = self._held(held, index)
-        return span_bytes(held.span, self._values(held.span))
+        return span_bytes(held.span, self._carry_out([self._read(held.span)])[0])
 
     def write(self, index: int, sub: int, value: bytes) -> None:
         """Take an object's bytes."""
         held = self._held(self._objects.at(index, sub), index)
         if len(value) != held.size:
             raise PlcRefusedError("size", code=TOO_LONG if len(value) > held.size else TOO_SHORT)
-        self._carry_out(Write(self._unit, held.span.table, held.span.address, span_values(held.span, value)))
+        self._carry_out([Write(self._unit, held.span.table, held.span.address, span_values(held.span, value))])
 
     def on_sync(self, now_ns: int) -> Sequence[CanFrame]:
         """Return every PDO, all taken between the same two scans."""
-        return [
-            CanFrame(pdo.cob_id, pdo.encoded([self._values(span) for span in pdo.spans])) for pdo in self._objects.pdos
-        ]
+        pdos = self._objects.pdos
+        values = iter(self._carry_out([self._read(span) for pdo in pdos for span in pdo.spans]))
+        return [CanFrame(pdo.cob_id, pdo.encoded([next(values) for _ in pdo.spans])) for pdo in pdos]
 
     def on_pdo(self, frame: CanFrame) -> None:
         """This PLC takes no PDOs."""
@@ -75,14 +75,15 @@ class CanPlc:
             return held
         raise PlcRefusedError("no object", code=NO_SUB_INDEX if self._objects.subs(index) else NO_OBJECT)
 
-    def _values(self, span: Span) -> tuple[int, ...]:
-        return self._carry_out(Read(self._unit, span.table, span.address, span.count))
+    def _read(self, span: Span) -> Read:
+        return Read(self._unit, span.table, span.address, span.count)
 
-    def _carry_out(self, request: Request) -> tuple[int, ...]:
+    def _carry_out(self, requests: Sequence[Request]) -> list[tuple[int, ...]]:
         try:
-            values = self._device.answer(request)
+            found = self._plc.answer_all(requests)
         except PlcRefusedError as error:
             raise PlcRefusedError(error.message, code=_ABORTS.get(error.code, GENERAL)) from error
-        if values is None:
+        values = [each for each in found if each is not None]
+        if len(values) != len(found):
             raise PlcRefusedError("no such station", code=GENERAL)
         return values

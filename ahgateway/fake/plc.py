@@ -189,8 +189,15 @@ class FakePlc:
 
     def answer(self, request: Request) -> tuple[int, ...] | None:
         """Carry out one request; see `transports.base.Device`."""
+        return self.answer_all([request])[0]
+
+    def answer_all(self, requests: Sequence[Request]) -> list[tuple[int, ...] | None]:
+        """Carry out several requests between the same two scans."""
         if self._clock is not None:
             self.advance(self._clock.now_ns() - self._origin_ns - self.now_ns - self._owed_ns)
+        return [self._carried_out(request) for request in requests]
+
+    def _carried_out(self, request: Request) -> tuple[int, ...] | None:
         if request.unit != self.station.unit:
             return None
         self._refuse(request)

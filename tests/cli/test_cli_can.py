@@ -49,7 +49,7 @@ def test_recorded_frames_are_decoded_with_the_recorded_profile(tmp_path: Path) -
     lines = out.splitlines()
     assert lines[0].startswith("00:00:00.000000 > 603 [8] 40 00 20 01 00 00 00 00")
     assert lines[0].endswith("node 3 is asked for 0x2000:01")
-    assert lines[1].startswith("00:00:00.001000 < 583 [8] 43 00 20 01 00 00 a0 42")
+    assert lines[1].startswith("00:00:00.001000 < 583 [8] 43 00 20 01 00 00 A0 42")
     assert lines[2].endswith("SYNC")
     assert lines[3].endswith("D104 0000 0000 00C8 0000")
     assert lines[4].endswith("node 3 operational")

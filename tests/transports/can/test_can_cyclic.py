@@ -7,13 +7,17 @@ import contextlib
 import pytest
 from transports.can.cyclic_world import CyclicWorld
 
+from ahgateway.clock import VirtualClock
 from ahgateway.codec.access import Span, Table
 from ahgateway.codec.can_cycle import Cycle, CycleAssembler
 from ahgateway.codec.can_frame import CanFrame
 from ahgateway.codec.can_objects import CanMap, Pdo, Sync, span_bytes, span_values
 from ahgateway.core.verdict import Verdict
 from ahgateway.errors import CodecError, ReplyTimeoutError
+from ahgateway.fake.can import CanPlc
+from ahgateway.fake.plc import FakePlc
 from ahgateway.lockstep.judge import Execution
+from ahgateway.schema.profile import load
 
 MS = 1_000_000
 SYNC = CanFrame(0x80, b"")
@@ -132,3 +136,24 @@ async def test_without_pdos_the_link_says_what_it_heard() -> None:
     world = CyclicWorld(lost=1.0)
     with pytest.raises(ReplyTimeoutError, match="no complete cycle within 1 ms; 0 SYNC, 0 complete"):
         await world.sync()
+
+
+class Running(VirtualClock):
+    """Goes on by 7 ms whenever somebody looks at it, as a clock does on a busy machine."""
+
+    def now_ns(self) -> int:
+        self.advance_ns(7 * MS)
+        return super().now_ns()
+
+
+def test_the_fake_plc_takes_all_pdos_of_a_sync_between_the_same_two_scans() -> None:
+    loaded = load("can")
+    plc = FakePlc(loaded.station(), loaded.fake_setup(), clock=Running())
+    objects = loaded.station().can
+    assert objects is not None
+    content = CanPlc(plc, objects)
+    for _ in range(200):
+        frames = {frame.can_id: frame.data for frame in content.on_sync(0)}
+        for pdo in objects.pdos:
+            held = [plc.memory.read(span.table, span.address, span.count) for span in pdo.spans]
+            assert frames[pdo.cob_id] == pdo.encoded(held)
