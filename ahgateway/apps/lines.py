@@ -15,10 +15,10 @@ from ahgateway.core.controllers.pid_reg_ce import PHASES
 from ahgateway.core.real import ulp_distance
 from ahgateway.core.verdict import Verdict, reason
 from ahgateway.lockstep.cause_pages import code_of
-from ahgateway.lockstep.causes import Blame
 from ahgateway.lockstep.events import Change, Finding
 from ahgateway.lockstep.follow import Follower, output_of, process_value_of, target_of, verdict_now
 from ahgateway.lockstep.judge import Execution
+from ahgateway.lockstep.suspects import Blame
 from ahgateway.transports.base import LinkFigures
 
 

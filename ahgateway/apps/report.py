@@ -6,6 +6,7 @@ The form is normative (docs/reference/monitor-json.md). A REAL is written with t
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,13 @@ import numpy as np
 from ahgateway.apps.monitor import LinkChange, Monitor, Report, Sample
 from ahgateway.clock import SECOND
 from ahgateway.core import flags
-from ahgateway.core.real import bits
+from ahgateway.core.real import REAL, bits
 from ahgateway.core.verdict import Counts, outcome, reason
 from ahgateway.lockstep.cause_pages import code_of
 from ahgateway.lockstep.events import Change, Finding
 from ahgateway.lockstep.follow import Follower
 from ahgateway.lockstep.judge import Execution
+from ahgateway.lockstep.suspects import Estimate, Suspect
 
 Json = dict[str, Any]
 
@@ -86,15 +88,33 @@ def _execution(event: Execution) -> Json:
         "ref_bits": hexadecimal(blame.ref) if blame else None,
         "cause": blame.cause if blame else None,
         "code": code_of(blame.cause) if blame else None,
-        "causes": [
-            {
-                "cause": suspect.cause,
-                "code": code_of(suspect.cause),
-                "operand": suspect.operand,
-                "evidence": suspect.evidence,
-            }
-            for suspect in (blame.suspects if blame else ())
-        ],
+        "causes": causes_json(blame.suspects) if blame else [],
+    }
+
+
+def causes_json(suspects: Iterable[Suspect]) -> list[Json]:
+    """Return causes, likeliest first, each with how large it is where that is a matter of size."""
+    return [
+        {
+            "cause": suspect.cause,
+            "code": code_of(suspect.cause),
+            "operand": suspect.operand,
+            "setting": suspect.setting,
+            "evidence": suspect.evidence,
+            "estimate": None if suspect.estimate is None else estimate_json(suspect.estimate),
+        }
+        for suspect in suspects
+    ]
+
+
+def estimate_json(estimate: Estimate) -> Json:
+    """Return a real size with its interval."""
+    return {
+        "value": number(REAL(estimate.value)),
+        "low": number(REAL(estimate.low)),
+        "high": number(REAL(estimate.high)),
+        "unit": estimate.unit,
+        "by_bits": estimate.is_exact,
     }
 
 
@@ -114,6 +134,7 @@ def summary_json(monitor: Monitor, follower: Follower, utc_ns: int, coverage_min
         "findings": list(follower.findings),
         "cause": follower.suspects[0].cause if follower.suspects else None,
         "code": code_of(follower.suspects[0].cause) if follower.suspects else None,
+        "causes": causes_json(follower.suspects),
         "torn_pictures": sum(watch.sampler.torn_count for watch in monitor.watches if watch.follower is follower),
     }
 

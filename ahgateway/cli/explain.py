@@ -42,12 +42,13 @@ def _one(what: str) -> dict[str, Any]:
     from ahgateway.core.dialect_axes import BY_NAME as AXIS_PAGES
     from ahgateway.core.dialect_axes import value_name
     from ahgateway.errors import ProfileError
+    from ahgateway.lockstep.cause_classes import classes_of
     from ahgateway.lockstep.cause_pages import BY_CODE, BY_NAME
     from ahgateway.schema.findings import near
 
     page = BY_CODE.get(what.upper()) or BY_NAME.get(what.lower())
     if page is not None:
-        return asdict(page)
+        return {**asdict(page), "classes": classes_of(page.name)}
     finding = next((kind for kind in CATALOGUE.values() if what.upper() == kind.code), CATALOGUE.get(what.lower()))
     if finding is not None:
         named = {"code": finding.code, "name": finding.name, "what": finding.what}

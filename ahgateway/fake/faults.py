@@ -1,8 +1,7 @@
 """Wrong arithmetic on purpose: each fault turns a right law into one that a judge must convict.
 
-A fault wraps a controller's step and changes its operands, its state or its terms. Nothing here is a dialect: no
-reading of the manual allows any of these. The deadliest are the small ones, one gain off by one per cent, binary64
-inside, another order of the sum.
+A fault wraps a controller's step and changes its operands, its state, its terms or its dialect. The deadliest are the
+small ones, one gain off by one per cent, binary64 inside, another order of the sum.
 """
 
 from __future__ import annotations
@@ -17,7 +16,9 @@ import numpy as np
 
 from ahgateway.core import flags as flag
 from ahgateway.core.controllers import Controller
-from ahgateway.core.controllers.delta import limit
+from ahgateway.core.controllers import delta_terms as terms_of
+from ahgateway.core.controllers.delta import gain, limit
+from ahgateway.core.dialect import IntegralUsed, SumOrder
 from ahgateway.core.real import REAL
 from ahgateway.errors import StateError
 
@@ -158,10 +159,19 @@ def _limits_before(step: Step) -> Step:
         if terms.flags & NOT_SUMMED:
             return after, terms
         low, high = _limits(inputs)
-        mv = limit(low, terms.p + terms.i, high) + terms.d
+        mv = limit(low, terms.p + _integral_term(inputs, dialect, terms.i), high) + terms.d
         return _with_mv(inputs, after, terms, mv + terms.bias if hasattr(terms, "bias") else mv)
 
     return wrong
+
+
+def _integral_term(inputs: Any, dialect: Any, i: REAL) -> REAL:
+    """I as it stands in the sum; I_MV holds it or what it is computed from."""
+    has_form = hasattr(inputs, "pid_eq")
+    kc, k = (gain(inputs.kc_kp), gain(inputs.ti_ki)) if has_form else (gain(inputs.kp), gain(inputs.ki))
+    if not k > ZERO:
+        return terms_of.idle(dialect, i)[1]
+    return terms_of.term(dialect, has_form and inputs.pid_eq, k, kc, i)
 
 
 def _windup(step: Step) -> Step:
@@ -201,13 +211,7 @@ def _other_order(step: Step) -> Step:
     """P + (I + D) where the law says (P + I) + D."""
 
     def wrong(inputs: Any, state: Any, dialect: Any, ts: REAL) -> tuple[Any, Any]:
-        after, terms = step(inputs, state, dialect, ts)
-        if terms.flags & (NOT_SUMMED | flag.FREEZE_HI | flag.FREEZE_LO):
-            return after, terms
-        low, high = _limits(inputs)
-        total = terms.p + (terms.i + terms.d)
-        total = total + terms.bias if hasattr(terms, "bias") else total
-        return _with_mv(inputs, after, terms, limit(low, total, high))
+        return step(inputs, state, dialect._replace(sum_order=SumOrder.P_ID), ts)
 
     return wrong
 
@@ -216,13 +220,7 @@ def _integral_late(step: Step) -> Step:
     """MV is computed with the integral of the execution before (forward Euler)."""
 
     def wrong(inputs: Any, state: Any, dialect: Any, ts: REAL) -> tuple[Any, Any]:
-        after, terms = step(inputs, state, dialect, ts)
-        if terms.flags & NOT_SUMMED:
-            return after, terms
-        low, high = _limits(inputs)
-        total = (terms.p + state.i) + terms.d
-        total = total + terms.bias if hasattr(terms, "bias") else total
-        return _with_mv(inputs, after, terms, limit(low, total, high))
+        return step(inputs, state, dialect._replace(integral_used=IntegralUsed.OLD), ts)
 
     return wrong
 

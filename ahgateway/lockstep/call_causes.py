@@ -18,9 +18,9 @@ from ahgateway.core.controllers import replaced
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL
 from ahgateway.lockstep.call_shadow import agree, field_at, key_of, names_for, pv_attrs, stepped
-from ahgateway.lockstep.causes import Blame, Suspect
 from ahgateway.lockstep.picture import Picture, predicted
 from ahgateway.lockstep.shadow import Bound, Fit
+from ahgateway.lockstep.suspects import Blame, Suspect
 
 RATIO_MIN, RATIO_MAX = 0.2, 5.0
 """A gain that would have to be wrong by more than this explains nothing."""

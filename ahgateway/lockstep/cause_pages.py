@@ -36,8 +36,9 @@ PAGES: tuple[CausePage, ...] = (
         "AHG251",
         "gain",
         "a gain acts with another size than its register shows",
-        "The law reproduces the PLC when one gain is taken larger or smaller. The factor is estimated from the words.",
-        "I_MV and MV both come out within 16 ULP with one and the same factor, which lies between 0.2 and 5.",
+        "The law reproduces the PLC when one operand is taken larger or smaller, or as 0. Its real size is estimated "
+        "with the interval of values that leave the same words; every execution makes the interval narrower.",
+        "I_MV and MV come out by bits, or within 16 ULP, with one and the same factor, which lies between 0.2 and 5.",
         "cycle: Ki and CYCLE act alike on I_MV alone; a moving D, or a change of either operand, tells them apart.",
         "Does the program scale or copy the gain? Is it another register than the one in the profile?",
     ),
@@ -45,8 +46,9 @@ PAGES: tuple[CausePage, ...] = (
         "AHG252",
         "cycle",
         "the interval is not the configured CYCLE",
-        "The law reproduces the PLC with another Ts. The real interval is estimated from the words.",
-        "I_MV and MV both come out within 16 ULP with one and the same interval.",
+        "The law reproduces the PLC with another Ts. The real CYCLE is estimated with the interval of values that "
+        "leave the same words.",
+        "I_MV and MV come out by bits, or within 16 ULP, with one and the same Ts at every execution.",
         "gain: see AHG251. dialect: a clock that measures gives another interval at each execution.",
         "Is the instruction in an interval task? Does the profile's CYCLE point to the right register? "
         "Run `ahgateway identify`: the firmware may compute with the measured interval.",
@@ -101,7 +103,7 @@ PAGES: tuple[CausePage, ...] = (
         "operand-written",
         "somebody wrote I_MV between two executions",
         "MV agrees with the integral that is shown, but that integral does not follow from the one before.",
-        "MV less I_MV is what the law computes, within rounding.",
+        "All words come out by bits from another I_MV before the execution.",
         "integral: a wrong sum and a write look alike in one execution; a wrong sum repeats itself.",
         "Does the program or another master write or clear I_MV?",
     ),
@@ -122,6 +124,45 @@ PAGES: tuple[CausePage, ...] = (
         "One execution fewer or more reproduces them.",
         "cycle: when it repeats, the interval is not CYCLE.",
         "Is the instruction skipped by a jump, or is EN gated? Poll faster than CYCLE.",
+    ),
+    CausePage(
+        "AHG261",
+        "torn-picture",
+        "some words were read before the execution, others behind it",
+        "Every 16-bit half holds what it held before, or what the reference predicts. Pictures are bracketed and torn "
+        "ones are read again, so this is left only where the PLC itself copies words at different times.",
+        "Each half is an old or a predicted one, and it happens now and then, not at each execution.",
+        "operand-written: somebody put the old value back.",
+        "Bring the words of the loop within one request; does the program copy the block somewhere else?",
+    ),
+    CausePage(
+        "AHG262",
+        "link",
+        "the link was gone, or a reply was no answer",
+        "Nothing was seen of these executions. They are counted as LINK, apart from every verdict on the PLC.",
+        "Time-outs, frames that fail their check, a connection that was closed; `--trace` shows every frame.",
+        "none: an execution that was not seen is never judged.",
+        "Run `ahgateway doctor`; look at wiring, termination, the adapter's latency and other masters on the line.",
+    ),
+    CausePage(
+        "AHG263",
+        "firmware-change",
+        "the firmware computes in another dialect since a known moment",
+        "Executions were proven in the dialect of the profile; from one execution on another value of an axis, or of "
+        "two, reproduces the PLC, and the old one no longer does.",
+        "At least 20 informative matches before the first divergence, and every execution since in the new dialect.",
+        "dialect: only the history before tells them apart.",
+        "Was the firmware or the program changed? Run `ahgateway identify` and write the new dialect into the profile.",
+    ),
+    CausePage(
+        "AHG264",
+        "rounding",
+        "the last bits differ: the operations round otherwise",
+        "Every word is the reference's within a few ULP of its largest term, and no axis of the dialect reproduces it. "
+        "So it looks when a firmware computes in binary64, fuses multiply and add, cuts off, or has its own order.",
+        "All words lie within 8 ULP of the largest term at nearly every execution, and no dialect survives them.",
+        "gain: a factor nearer to 1 than 0.1 % leaves the same words where the loop is at rest.",
+        "Run `ahgateway identify`. If nothing survives, judge with `--ulp`, which never counts as proven.",
     ),
     CausePage(
         "AHG299",

@@ -1,13 +1,15 @@
 """Why an execution left the reference: hypotheses about the PLC, each tried on the same execution.
 
-This file alone names causes. A cause is named when the law, changed in just this way, reproduces what the PLC wrote.
-Causes that one execution cannot tell apart are all named, likeliest first; the loop's later executions thin them out.
+This file alone names causes of one execution. A cause is named when the law, changed in just this way, reproduces
+what the PLC wrote. Causes that one execution cannot tell apart are all named, likeliest first; `inquiry` holds them
+against the loop's other executions.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import combinations
 from math import isfinite, log
 from typing import Any
 
@@ -15,58 +17,31 @@ from ahgateway.codec.station import Loop
 from ahgateway.core.controllers import Controller
 from ahgateway.core.dialect import AXES
 from ahgateway.core.operands import Kind
-from ahgateway.core.real import REAL, quiet, same_bits, ulp_distance
+from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits, ulp_distance
+from ahgateway.lockstep.estimate import Size, sized
 from ahgateway.lockstep.picture import Picture, predicted
-from ahgateway.lockstep.shadow import Fit, judged_names, same_words
+from ahgateway.lockstep.shadow import Fit, explain, is_settled, judged_names, same_words
+from ahgateway.lockstep.suspects import (
+    Blame,
+    Estimate,
+    Suspect,
+    Twist,
+    doubled,
+    flipped,
+    in_dialect,
+    scaled,
+    stretched,
+    zeroed,
+)
 
-RATIO_MIN, RATIO_MAX = 0.2, 5.0
-"""A gain that would have to be wrong by more than this explains nothing."""
+HALF = 0xFFFF
+NEIGHBOURS = 8
+"""Rounding of an integral computed back is no more than this many REALs away."""
 
-ULP_SLACK = 16
-"""How far a fitted gain may miss, in ULP of the larger of MV and its terms: the fit itself is rounded."""
+ROUNDED_ULP = 8
+"""Further than this from the reference, in ULP of the largest term, rounding alone does not carry a sum."""
 
-
-RATIO_SPREAD = 2e-3
-"""Estimates of one cause from two executions agree within this."""
-
-
-@dataclass(frozen=True, slots=True)
-class Suspect:
-    """One possible cause.
-
-    Attributes:
-        cause: Its name, `gain`, `direction`, `integral` …
-        evidence: What speaks for it, one sentence with numbers.
-        operand: The operand that it concerns, or nothing.
-        ratio: By which factor that operand acts, 1.0 when it is not a matter of size.
-    """
-
-    cause: str
-    evidence: str
-    operand: str = ""
-    ratio: float = 1.0
-
-
-@dataclass(frozen=True, slots=True)
-class Blame:
-    """Where and why an execution left the reference.
-
-    Attributes:
-        term: The first term that left: PV, P, I, D, MV or MOUT.
-        plc: Its value on the PLC; computed back from MV where the PLC does not show it.
-        ref: Its value in the reference.
-        suspects: Possible causes, likeliest first; never empty.
-    """
-
-    term: str
-    plc: REAL
-    ref: REAL
-    suspects: tuple[Suspect, ...]
-
-    @property
-    def cause(self) -> str:
-        """The likeliest cause."""
-        return self.suspects[0].cause
+PAIRS_MAX = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,12 +65,12 @@ class _Case:
     def run(self, inputs: Any = None, dialect: Any = None, ts: REAL | None = None) -> tuple[dict[str, REAL], Any]:
         """Step the law with something changed; return the words it leaves, and its terms."""
         read = self.fit.inputs if inputs is None else inputs
-        span = self._span(read, dialect) if ts is None else ts
+        span = self.span(read, dialect) if ts is None else ts
         with quiet(all="ignore"):
             state, terms = self.controller.step(read, self.fit.before.low, dialect or self.loop.dialect, span)
         return predicted(self.controller, state, terms), terms
 
-    def _span(self, read: Any, dialect: Any) -> REAL:
+    def span(self, read: Any, dialect: Any) -> REAL:
         """Ts of a hypothesis: as this execution had it, or from CYCLE where that alone decides."""
         chosen = dialect or self.loop.dialect
         is_measured = self.controller.law_ts is not None and chosen.ts_source
@@ -106,30 +81,37 @@ class _Case:
     def reproduces(self, words: Mapping[str, REAL]) -> bool:
         return same_words(self.names, words, self.seen)
 
+    def holds(self, twist: Twist) -> bool:
+        """Tell whether the law with this in it leaves what the PLC wrote, from a state that may be open."""
+        other = twist(self.loop)
+        if is_settled(self.fit.before):
+            span = other.controller.ts(self.fit.inputs, other.dialect) if self.fit.ts is None else self.fit.ts
+            if other.dialect is not self.loop.dialect:
+                span = self.span(self.fit.inputs, other.dialect)
+            with quiet(all="ignore"):
+                state, terms = other.controller.step(self.fit.inputs, self.fit.before.low, other.dialect, span)
+            return self.reproduces(predicted(self.controller, state, terms))
+        return bool(explain(other, (self.fit.before,), [self.fit.inputs], self.seen, self.names).fits)
+
 
 def blame(loop: Loop, fit: Fit, before: Picture, after: Picture) -> Blame:
     """Say which term left first, and what reproduces what the PLC wrote."""
     case = _Case(loop, fit, before, after, judged_names(loop))
     suspects = [suspect for hypothesis in HYPOTHESES for suspect in hypothesis(case)]
+    if all(suspect.twist is None for suspect in suspects):
+        suspects.extend(_two_axes(case))
     if not suspects:
         suspects = [Suspect("unknown", "no single change of an operand, mode or dialect reproduces what the PLC wrote")]
     term, plc, ref = _first_term(case, suspects[0])
-    return Blame(term, plc, ref, tuple(suspects))
+    return Blame(term, plc, ref, tuple(suspects), fit)
 
 
-def agreeing(known: tuple[Suspect, ...], fresh: tuple[Suspect, ...]) -> tuple[Suspect, ...]:
-    """Keep the fresh suspects that the known ones name too, with the same size; all of them when none are known."""
-    if not known:
-        return fresh
-    return tuple(
-        suspect
-        for suspect in fresh
-        if any(
-            (suspect.cause, suspect.operand) == (other.cause, other.operand)
-            and abs(suspect.ratio - other.ratio) <= RATIO_SPREAD * max(suspect.ratio, other.ratio)
-            for other in known
-        )
-    )
+def sized_again(loop: Loop, fit: Fit, before: Picture, after: Picture, suspect: Suspect) -> Suspect | None:
+    """Estimate a suspect of size on another execution; None when no size of it explains that one."""
+    case = _Case(loop, fit, before, after, judged_names(loop))
+    if suspect.cause == "cycle":
+        return _cycle(case)
+    return _gain(case, suspect.operand, case.controller.operand(suspect.operand).attr)
 
 
 def _first_term(case: _Case, suspect: Suspect) -> tuple[str, REAL, REAL]:
@@ -181,9 +163,9 @@ def _other_modes(case: _Case) -> list[Suspect]:
         if not hasattr(case.fit.inputs, attr):
             continue
         value = not getattr(case.fit.inputs, attr)
-        if case.reproduces(case.run(case.fit.inputs._replace(**{attr: value}))[0]):
+        if case.holds(flipped(attr)):
             filled = {"pid_man": "manual" if value else "automatic", "pid_de": "PV" if value else "E"}
-            found.append(Suspect(cause, what.format(filled.get(attr, "")), attr.upper()))
+            found.append(Suspect(cause, what.format(filled.get(attr, "")), attr.upper(), twist=flipped(attr)))
     return found
 
 
@@ -210,10 +192,56 @@ def _other_dialect(case: _Case) -> list[Suspect]:
             if value == getattr(case.loop.dialect, axis):
                 continue
             other: Any = {axis: value}
-            words, _ = case.run(dialect=case.loop.dialect._replace(**other))
-            if case.reproduces(words):
-                found.append(Suspect("dialect", f"{axis} = {value.name.lower()} reproduces it"))
+            if case.holds(in_dialect(**other)):
+                setting = f"{axis} = {value.name.lower()}"
+                found.append(Suspect("dialect", f"{setting} reproduces it", setting=setting, twist=in_dialect(**other)))
     return found
+
+
+def _without(case: _Case) -> list[Suspect]:
+    """An operand that the instruction does not see at all."""
+    found = []
+    for row in case.controller.operands:
+        if row.kind is not Kind.REAL or row.name in ("SV", "PV", "MV", "MOUT", "MV_MAX", "MV_MIN"):
+            continue
+        held = getattr(case.fit.inputs, row.attr)
+        if held == 0 or not case.holds(zeroed(row.attr)):
+            continue
+        estimate = Estimate(0.0, 0.0, 0.0, row.unit, True)
+        evidence = f"{row.name} acts as 0, its register holds {float(held):.7g}"
+        twist = zeroed(row.attr)
+        found.append(Suspect("gain", evidence, row.name, 0.0, "off", estimate, twist))
+    return found
+
+
+def _twice(case: _Case) -> list[Suspect]:
+    """Two executions where the schedule allows one."""
+    firsts = {bits(pv): pv for pv in (case.fit.inputs.pv, case.before.inputs.pv, case.after.inputs.pv)}
+    span = case.span(case.fit.inputs, None)
+    for pv in firsts.values():
+        with quiet(all="ignore"):
+            read = case.fit.inputs._replace(pv=pv)
+            once, _ = case.controller.step(read, case.fit.before.low, case.loop.dialect, span)
+            twice, terms = case.controller.step(case.fit.inputs, once, case.loop.dialect, span)
+        if case.reproduces(predicted(case.controller, twice, terms)):
+            evidence = f"two executions, the first with PV {float(pv):g}, reproduce it where time allows one"
+            twist = doubled() if same_bits(pv, case.fit.inputs.pv) else None
+            return [Suspect("missed-execution", evidence, twist=twist)]
+    return []
+
+
+def _torn(case: _Case) -> list[Suspect]:
+    """Each 16-bit half holds what it held before, or what the reference predicts: some were read too early."""
+    ref, _ = case.run()
+    old = 0
+    for name in case.names:
+        seen, was, new = bits(case.seen[name]), bits(case.before.seen[name]), bits(ref[name])
+        for shift in (0, 16):
+            half = seen >> shift & HALF
+            if half not in (was >> shift & HALF, new >> shift & HALF):
+                return []
+            old += half != new >> shift & HALF
+    return [Suspect("torn-picture", f"{old} of the words still hold what stood there before the execution")]
 
 
 def _beyond_limits(case: _Case) -> list[Suspect]:
@@ -225,59 +253,42 @@ def _beyond_limits(case: _Case) -> list[Suspect]:
 
 
 def _gains(case: _Case) -> list[Suspect]:
-    """A gain that acts with another size than its register shows; the smallest change first."""
-    found = []
-    for operand in case.controller.operands:
-        if operand.kind is Kind.REAL and operand.minimum == 0:
-            found.extend(_gain(case, operand.name, operand.attr))
-    ts = case.controller.ts(case.fit.inputs, case.loop.dialect) if case.fit.ts is None else case.fit.ts
-    cycle = _fitted(case, lambda ratio: case.run(ts=REAL(float(ts) * ratio))[0])
-    if cycle is not None:
-        evidence = f"an interval of {float(ts) * cycle:.6g} s instead of CYCLE's {float(ts):.6g} s ({cycle - 1:+.3%})"
-        found.append(Suspect("cycle", evidence, "CYCLE", cycle))
-    return sorted(found, key=lambda suspect: abs(log(suspect.ratio)))
+    """A gain or CYCLE that acts with another size than its register shows; exact ones, then the smallest change."""
+    found = [
+        _gain(case, operand.name, operand.attr)
+        for operand in case.controller.operands
+        if operand.kind is Kind.REAL and operand.minimum == 0
+    ]
+    suspects = [each for each in (*found, _cycle(case)) if each is not None]
+    return sorted(suspects, key=lambda each: (not (each.estimate and each.estimate.is_exact), abs(log(each.ratio))))
 
 
-def _gain(case: _Case, name: str, attr: str) -> list[Suspect]:
-    value = float(getattr(case.fit.inputs, attr))
-    if not isfinite(value) or value <= 0.0:
-        return []
-
-    def words(ratio: float) -> dict[str, REAL]:
-        return case.run(case.fit.inputs._replace(**{attr: REAL(value * ratio)}))[0]
-
-    ratio = _fitted(case, words)
-    if ratio is None:
-        return []
-    evidence = f"{name} acts as {value * ratio:.7g}, its register holds {value:.7g} ({ratio - 1:+.3%})"
-    return [Suspect("gain", evidence, name, ratio)]
+def _gain(case: _Case, name: str, attr: str) -> Suspect | None:
+    held = float(getattr(case.fit.inputs, attr))
+    if not isfinite(held) or held <= 0.0:
+        return None
+    size = sized(lambda value: case.run(case.fit.inputs._replace(**{attr: value}))[0], case.seen, held)
+    if size is None:
+        return None
+    estimate = _estimate(size, case.controller.operand(name).unit)
+    ratio = estimate.value / held
+    evidence = f"{name} acts as {estimate.text()}, its register holds {held:.7g} ({ratio - 1:+.3%})"
+    return Suspect("gain", evidence, name, ratio, "", estimate, scaled(attr, ratio))
 
 
-def _fitted(case: _Case, words: Callable[[float], dict[str, REAL]]) -> float | None:
-    """Solve for the factor under which the law leaves what the PLC wrote; None when no factor does.
-
-    The law is linear in each gain between its branches, so a secant finds the factor; Tf needs a few rounds.
-    """
-    ratio = 1.0
-    ref = words(1.0)
-    name = max(("I_MV", "MV"), key=lambda word: _miss(case, ref, word))
-    target = float(case.seen[name])
-    for _ in range(6):
-        here, there = float(words(ratio)[name]), float(words(ratio * 1.0078125)[name])
-        slope = (there - here) / (ratio * 0.0078125)
-        if not isfinite(slope) or slope == 0.0:
-            return None
-        ratio += (target - here) / slope
-        if not isfinite(ratio) or not RATIO_MIN < ratio < RATIO_MAX:
-            return None
-    final = words(ratio)
-    return ratio if all(_miss(case, final, word) <= ULP_SLACK for word in ("I_MV", "MV")) and ratio != 1.0 else None
+def _cycle(case: _Case) -> Suspect | None:
+    held = float(case.span(case.fit.inputs, None))
+    size = sized(lambda value: case.run(ts=value)[0], case.seen, held) if held > 0.0 else None
+    if size is None:
+        return None
+    estimate = _estimate(size, "s")
+    ratio = estimate.value / held
+    evidence = f"an interval of {estimate.text()} s instead of CYCLE's {held:.6g} s ({ratio - 1:+.3%})"
+    return Suspect("cycle", evidence, "CYCLE", ratio, "", estimate, stretched(ratio))
 
 
-def _miss(case: _Case, words: Mapping[str, REAL], name: str) -> float:
-    """Distance of a word from what the PLC wrote, in ULP of the larger of the two and MV's biggest term."""
-    scale = max(abs(float(words["I_MV"])), abs(float(words["MV"])), abs(float(case.seen[name])), 1e-30)
-    return abs(float(words[name]) - float(case.seen[name])) / (scale * 2.0**-23)
+def _estimate(size: Size, unit: str) -> Estimate:
+    return Estimate(float(size.value), float(size.low), float(size.high), unit, size.is_exact)
 
 
 def _overwritten(case: _Case) -> list[Suspect]:
@@ -291,20 +302,60 @@ def _overwritten(case: _Case) -> list[Suspect]:
 
 
 def _integral(case: _Case) -> list[Suspect]:
-    """MV follows from the integral that is shown, but that integral does not follow from the one before."""
-    ref, terms = case.run()
+    """Everything follows from another integral: somebody wrote it, or the instruction has summed another one."""
+    ref, _ = case.run()
     if same_bits(ref["I_MV"], case.seen["I_MV"]):
         return []
-    rest_plc = float(case.seen["MV"]) - float(case.seen["I_MV"])
-    rest_ref = float(terms.raw) - float(terms.i)
-    scale = max(abs(float(case.seen["MV"])), abs(float(case.seen["I_MV"])), 1e-30)
-    mv_fits = abs(rest_plc - rest_ref) <= 4 * scale * 2.0**-23
-    mv_is_ref = same_bits(ref["MV"], case.seen["MV"])
-    if not (mv_fits or mv_is_ref):
+    held = case.fit.before.low.i
+    start = REAL(float(held) + float(case.seen["I_MV"]) - float(ref["I_MV"]))
+    position = order(start) if isfinite(start) else 0
+    near = sorted(range(position - NEIGHBOURS, position + NEIGHBOURS + 1), key=lambda each: abs(each - position))
+    for each in near:
+        state = case.fit.before.low._replace(i=from_order(each))
+        with quiet(all="ignore"):
+            after, terms = case.controller.step(
+                case.fit.inputs, state, case.loop.dialect, case.span(case.fit.inputs, None)
+            )
+        if case.reproduces(predicted(case.controller, after, terms)):
+            distance = ulp_distance(case.seen["I_MV"], ref["I_MV"])
+            text = f"all agrees with an integral of {float(state.i):.9g} before, {float(held):.9g} was seen"
+            evidence = f"{text}; I_MV is {distance} ULP away from the reference's"
+            return [Suspect("operand-written", evidence, "I_MV"), Suspect("integral", evidence, "I_MV")]
+    return []
+
+
+def _rounding(case: _Case) -> list[Suspect]:
+    """Every word is the reference's but for its last bits: the operations round otherwise, or in another order."""
+    ref, terms = case.run()
+    parts = [abs(float(getattr(terms, name, 0.0))) for name in ("p", "i", "d", "bias", "raw")]
+    size = max(*parts, abs(float(ref["I_MV"])), 1e-30) * 2.0**-23
+    worst = max(abs(float(case.seen[name]) - float(ref[name])) / size for name in case.names)
+    if not worst <= ROUNDED_ULP or not is_settled(case.fit.before):
         return []
-    distance = ulp_distance(case.seen["I_MV"], ref["I_MV"])
-    evidence = f"MV agrees with the integral in I_MV, which is {distance} ULP away from the reference's"
-    return [Suspect("operand-written", evidence, "I_MV"), Suspect("integral", evidence, "I_MV")]
+    evidence = f"all words come within {worst:.1f} ULP of the largest term: they are rounded otherwise"
+    return [Suspect("rounding", evidence)]
+
+
+def _two_axes(case: _Case) -> list[Suspect]:
+    """The law under other values of two axes, of those that make a difference here at all."""
+    axes = list(case.loop.dialect._asdict().items())
+    ref, _ = case.run()
+    tried = [
+        {axis: value}
+        for axis, held in axes
+        for value in AXES[axis]
+        if value != held
+        and not same_words(case.names, ref, case.run(dialect=case.loop.dialect._replace(**{axis: value}))[0])
+    ]
+    found = []
+    for first, second in combinations(tried, 2):
+        both: Any = {**first, **second}
+        if len(both) == 2 and case.reproduces(case.run(dialect=case.loop.dialect._replace(**both))[0]):
+            setting = ", ".join(f"{axis} = {value.name.lower()}" for axis, value in both.items())
+            found.append(
+                Suspect("dialect", f"{setting} together reproduce it", setting=setting, twist=in_dialect(**both))
+            )
+    return found[:PAIRS_MAX]
 
 
 HYPOTHESES: tuple[Callable[[_Case], list[Suspect]], ...] = (
@@ -312,8 +363,12 @@ HYPOTHESES: tuple[Callable[[_Case], list[Suspect]], ...] = (
     _other_modes,
     _stale_pv,
     _other_dialect,
+    _without,
+    _twice,
     _beyond_limits,
     _gains,
+    _rounding,
     _integral,
+    _torn,
 )
 """Tried in this order; exact ones stand before fitted ones."""

@@ -23,9 +23,9 @@ from ahgateway.core.real import same_bits
 from ahgateway.core.verdict import Counts, Verdict
 from ahgateway.lockstep.call_shadow import changed as changed_beside_calls
 from ahgateway.lockstep.calls import Calls
-from ahgateway.lockstep.causes import Suspect, agreeing
 from ahgateway.lockstep.counting import counted, explains
 from ahgateway.lockstep.events import Change, Finding, Lost
+from ahgateway.lockstep.inquiry import Inquiry
 from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import (
@@ -34,12 +34,14 @@ from ahgateway.lockstep.shadow import (
     changed_inputs,
     explain,
     input_variants,
+    is_settled,
     judged_names,
     lingered,
     merged,
     recalled,
     restarted,
 )
+from ahgateway.lockstep.suspects import Suspect
 
 STALL_CYCLES = 3
 """After this many CYCLEs without an execution that must have changed a word, the loop stands still."""
@@ -60,7 +62,7 @@ class Follower:
         self.picture: Picture | None = None
         self.last: Execution | None = None
         self.first_diverged: tuple[Picture, Execution] | None = None
-        self.suspects: tuple[Suspect, ...] = ()
+        self._inquiry = Inquiry(loop)
         self._shadow: Shadow = ()
         self._calls = None if loop.controller.begin is None else Calls(loop)
         self._expected = 0.0
@@ -68,11 +70,17 @@ class Follower:
         self._quiet_since_ns: int | None = None
         self._findings: set[str] = set()
 
+    @property
+    def suspects(self) -> tuple[Suspect, ...]:
+        """Causes that explain the loop's divergences, likeliest first; () while there are none."""
+        return self._inquiry.suspects
+
     def lost(self, executions: float) -> None:
         """The link was gone for so many CYCLEs: what the instruction did meanwhile is not known."""
         self.counts = replace(self.counts, link=self.counts.link + max(0, round(executions)))
         self.picture = None
         self._shadow = ()
+        self._inquiry.forget()
         if self._calls is not None:
             self._calls.forget()
         self._earliest_ns = None
@@ -127,11 +135,14 @@ class Follower:
         """What a block that is called again and again did; silence is told by its shadow."""
         found: list[Event] = []
         for event in calls.see(before, after, cycle_ns(self.loop, after)):
-            found.append(event)
-            if isinstance(event, Execution):
-                self._quiet_since_ns = after.last_ns
-                self._count(event, after)
-                found.extend(self._set(NO_EXECUTION, False))
+            if not isinstance(event, Execution):
+                found.append(event)
+                continue
+            execution = self._inquiry.hear(event, before, after)
+            self._quiet_since_ns = after.last_ns
+            self._count(execution, after)
+            found.append(execution)
+            found.extend(self._set(NO_EXECUTION, False))
         if found or not computes(self.loop, after) or self._quiet_since_ns is None or after.count is not None:
             return found
         silent_ns = after.sent_ns - self._quiet_since_ns
@@ -173,6 +184,9 @@ class Follower:
         least, most = counts_between(before, after) or (1, self._executions_max(before, after))
         possible = max(1, least), max(1, most)
         execution, self._shadow = counted(self.loop, self._shadow, before, after, possible, self.suspects)
+        execution = self._inquiry.hear(execution, before, after)
+        if execution.blame is not None and self._inquiry.hidden:
+            self._shadow = (*self._inquiry.hidden, *(bound for bound in self._shadow if not is_settled(bound)))
         self._earliest_ns = before.sent_ns
         self._quiet_since_ns = after.last_ns
         self._count(execution, after)
@@ -182,12 +196,8 @@ class Follower:
         for _ in range(execution.count):
             self.counts = self.counts.plus(execution.verdict, execution.proof, execution.weight)
         self.last = execution
-        if execution.blame is not None:
-            if self.first_diverged is None:
-                self.first_diverged = (after, execution)
-            self.suspects = (
-                agreeing(self.suspects, execution.blame.suspects) or self.suspects or execution.blame.suspects
-            )
+        if execution.blame is not None and self.first_diverged is None:
+            self.first_diverged = (after, execution)
 
     def _nothing_changed(self, before: Picture, after: Picture) -> list[Finding]:
         """Carry what executions that changed no word can have left hidden; notice when there should have been one."""

@@ -15,7 +15,7 @@ from ahgateway.core import flags as flag
 from ahgateway.core.compare import compare, weakest
 from ahgateway.core.real import REAL, same_bits
 from ahgateway.core.verdict import Proof, Verdict, Weight
-from ahgateway.lockstep.causes import Blame, Suspect, agreeing, blame
+from ahgateway.lockstep.causes import blame
 from ahgateway.lockstep.picture import Picture, predicted
 from ahgateway.lockstep.shadow import (
     Explanation,
@@ -31,6 +31,7 @@ from ahgateway.lockstep.shadow import (
     recalled,
     without_pv,
 )
+from ahgateway.lockstep.suspects import Blame, Suspect, agreeing
 
 TRIVIAL_FLAGS = flag.MANUAL | flag.STOPPED | flag.BAD_INPUT | flag.AUTOTUNE | flag.FREEZE_HI | flag.FREEZE_LO
 
@@ -126,13 +127,19 @@ def judge(
         return execution, (*patched(loop, found.nearest, after.seen), *fresh)
     if executions_max > 1:
         return Execution(Verdict.UNOBSERVABLE, reason=SEVERAL, inputs=after.inputs, count=executions_max), fresh
+    nearest = _nearest_known(loop, shadow, variants, after, names) or found.nearest
     execution = Execution(
-        Verdict.DIVERGED,
-        terms=found.nearest.terms,
-        inputs=found.nearest.inputs,
-        blame=blame(loop, found.nearest, before, after),
+        Verdict.DIVERGED, terms=nearest.terms, inputs=nearest.inputs, blame=blame(loop, nearest, before, after)
     )
-    return execution, (*patched(loop, found.nearest, after.seen), *fresh)
+    return execution, (*patched(loop, nearest, after.seen), *fresh)
+
+
+def _nearest_known(
+    loop: Loop, shadow: Shadow, variants: list[Any], after: Picture, names: tuple[str, ...]
+) -> Fit | None:
+    """Where it came closest from a state that is known: causes are tried there, what is open would bend to any."""
+    settled = tuple(bound for bound in shadow if is_settled(bound))
+    return explain(loop, settled, variants, after.seen, names).nearest if settled else None
 
 
 def _same_fault(

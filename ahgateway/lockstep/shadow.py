@@ -37,6 +37,9 @@ ADVANCED_MAX = 512
 MARGIN_ULP = 16
 """How far rounding can carry a filter that is not quite monotone."""
 
+ROUNDING = 8 * 2.0**-24
+"""The same as a share of the larger of its content before and after: it adds what it has just taken off."""
+
 ROUGH_ULP = 1024
 """So many ULP of MV a bound of such a filter can miss while it is open: its own errors grow from step to step."""
 
@@ -181,8 +184,30 @@ def stepped(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> tuple[Bound, Any
         high, high_terms = controller.step(inputs, bound.high, loop.dialect, ts)
     attr = open_attr(Bound(low, high))
     if attr is not None and order(getattr(low, attr)) > order(getattr(high, attr)):
-        return Bound(high, low), high_terms, low_terms
+        low, high, low_terms, high_terms = high, low, high_terms, low_terms
+    if is_loose(loop) and open_attr(bound) == "d":
+        low, high = _enclosing(loop, inputs, bound, ts, low, high)
     return Bound(low, high), low_terms, high_terms
+
+
+def is_loose(loop: Loop) -> bool:
+    """Tell whether the dialect's filter rounds so that the law is monotone in its content but for rounding."""
+    return getattr(loop.dialect, "filter", None) in (Filter.FORWARD, Filter.ALPHA)
+
+
+def _enclosing(loop: Loop, inputs: Any, bound: Bound, ts: REAL, low: Any, high: Any) -> tuple[Any, Any]:
+    """Widen both ends behind a loose filter until they enclose what every content between can have become."""
+    first, last = order(bound.low.d), order(bound.high.d)
+    if last - first <= 4 * MARGIN_ULP:
+        with quiet(all="ignore"):
+            contents = [
+                loop.controller.step(inputs, bound.low._replace(d=from_order(each)), loop.dialect, ts)[0].d
+                for each in range(first, last + 1)
+            ]
+        return low._replace(d=min(contents, key=order)), high._replace(d=max(contents, key=order))
+    size = max(abs(float(each.d)) for each in (*bound, low, high))
+    with quiet(all="ignore"):
+        return low._replace(d=REAL(low.d - size * ROUNDING)), high._replace(d=REAL(high.d + size * ROUNDING))
 
 
 def input_variants(loop: Loop, before: Picture, after: Picture) -> list[Any]:
@@ -377,11 +402,13 @@ def _narrowed(
         return _side(loop, inputs, state, seen, names, ts)
 
     low, high = order(getattr(bound.low, attr)), order(getattr(bound.high, attr))
-    margin = MARGIN_ULP if getattr(loop.dialect, "filter", None) in (Filter.FORWARD, Filter.ALPHA) else 0
+    margin = MARGIN_ULP if is_loose(loop) else 0
     if not margin or high - low > 4 * MARGIN_ULP:
         sign = -1 if side(low) > side(high) else 1
         first = _first(low, high, lambda position: sign * side(position) >= 0)
         last = _first(low, high, lambda position: sign * side(position) > 0) - 1
+        if margin and attr == "d" and low <= first <= last <= high:
+            first, last = _loosened(loop, inputs, bound, ts, first, last)
         low, high = max(low, first - margin), min(high, last + margin)
     if margin and high - low <= 4 * MARGIN_ULP:
         fitting = [position for position in range(low, high + 1) if side(position) == 0]
@@ -394,11 +421,21 @@ def _narrowed(
     after, terms, high_terms = stepped(loop, inputs, part, ts)
     fit = Fit(inputs, part, after, terms, open_terms(terms, high_terms), ts)
     if margin:
-        return [fit]
+        # Ends within the margin predict neighbours of what was seen; what is shown is no longer open.
+        return [fit._replace(after=patched(loop, fit, seen)[0])]
     for words in (predicted(loop.controller, after.low, terms), predicted(loop.controller, after.high, high_terms)):
         if not same_words(names, words, seen):
             return []
     return [fit]
+
+
+def _loosened(loop: Loop, inputs: Any, bound: Bound, ts: REAL, first: int, last: int) -> tuple[int, int]:
+    """Widen a part of a loose filter's content by what rounding can have shifted its edges."""
+    part = Bound(bound.low._replace(d=from_order(first)), bound.low._replace(d=from_order(last)))
+    with quiet(all="ignore"):
+        reached = [loop.controller.step(inputs, each, loop.dialect, ts)[0].d for each in part]
+        size = max(abs(float(each)) for each in (part.low.d, part.high.d, *reached)) * ROUNDING * MARGIN_ULP
+        return order(REAL(part.low.d - size)), order(REAL(part.high.d + size))
 
 
 def _first(low: int, high: int, holds: Callable[[int], bool]) -> int:
@@ -474,7 +511,7 @@ def is_roughly_bounded(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
     is_at_limit = bool(fit.terms.flags & (flag.FREEZE_HI | flag.FREEZE_LO))
     if is_at_limit and loop.dialect.freeze == Freeze.BACK_CALCULATED and not is_settled(fit.before):
         return True
-    if loop.dialect.filter not in (Filter.FORWARD, Filter.ALPHA):
+    if not is_loose(loop):
         return False
     ref = predicted(loop.controller, fit.after.low, fit.terms)
     return all(abs(order(ref[name]) - order(seen[name])) <= ROUGH_ULP for name in ("I_MV", "MV"))

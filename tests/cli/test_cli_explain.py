@@ -22,6 +22,10 @@ CODES = {
     "AHG258": "operand-written",
     "AHG259": "integral",
     "AHG260": "missed-execution",
+    "AHG261": "torn-picture",
+    "AHG262": "link",
+    "AHG263": "firmware-change",
+    "AHG264": "rounding",
     "AHG299": "unknown",
 }
 
@@ -35,6 +39,11 @@ def test_a_code_is_explained() -> None:
     result = CliRunner().invoke(app, ["explain", "ahg251", "--output", "json"])
     assert 0 == result.exit_code
     assert "gain" == json.loads(result.stdout)["name"]
+
+
+def test_what_no_data_can_tell_from_a_cause_is_said_with_it() -> None:
+    result = CliRunner().invoke(app, ["explain", "direction", "--output", "json"])
+    assert json.loads(result.stdout)["classes"]["sign"].startswith("direction PID_DIR, dialect direction: ")
 
 
 def test_a_code_of_commissioning_is_explained_too_and_no_code_has_two_meanings() -> None:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from ahgateway.core.dialect import AXES
 from ahgateway.core.dialect_axes import TABLE
+from ahgateway.lockstep.cause_classes import CLASSES
 from ahgateway.lockstep.cause_pages import PAGES
 
 REFERENCE = Path(__file__).parent.parent.parent / "docs" / "reference"
@@ -26,3 +27,11 @@ def test_the_page_of_the_causes_holds_every_class() -> None:
     heads = [line.removeprefix("## ") for line in text.splitlines() if line.startswith("## AHG")]
     assert [f"{page.code} {page.name}" for page in PAGES] == heads
     assert all(page.meaning in text and page.action in text for page in PAGES)
+
+
+def test_the_page_of_the_causes_holds_what_no_data_can_tell_apart() -> None:
+    text = (REFERENCE / "causes.md").read_text(encoding="utf-8")
+    names = {page.name for page in PAGES}
+    for each in CLASSES:
+        assert f"| {each.name} | {', '.join(f'`{member}`' for member in each.members)} | {each.why} |" in text
+        assert {member.split()[0] for member in each.members} <= names

@@ -10,12 +10,12 @@ from ahgateway.clock import MILLISECOND, SECOND, Clock
 from ahgateway.codec.station import Loop, Station
 from ahgateway.core.verdict import Counts
 from ahgateway.errors import PlcRefusedError, TransportError
-from ahgateway.lockstep.causes import Suspect
 from ahgateway.lockstep.events import Change, Finding
 from ahgateway.lockstep.follow import Event, Follower, cycle_ns
 from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.patient import BUSY
 from ahgateway.lockstep.picture import Picture, Sampler, Sees
+from ahgateway.lockstep.suspects import Suspect
 from ahgateway.transports.base import Link
 
 POLLS_PER_CYCLE = 4

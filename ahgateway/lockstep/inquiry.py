@@ -1,0 +1,303 @@
+"""What a loop's divergences have in common: every suspect is a rival law with its own shadow, held to what follows.
+
+This file alone decides which causes still stand after several executions. One execution rarely tells two causes apart:
+last bits agree by chance, and a written integral looks like a wrong sum. So the law that a suspect describes is
+stepped along beside the reference, from the state before the first divergence, with what it would remember itself. It
+must reproduce every later execution, those that the reference reproduces too; a size that is estimated must be the
+same each time, and its interval shrinks to what all executions allow.
+
+Theory of operation: rivals that keep missing are dropped. What happens once (somebody writes, a mode changes) is no
+law and is counted instead. When nothing explains most of the divergences, the cause is unknown.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from typing import Any
+
+from ahgateway.codec.station import Loop
+from ahgateway.core.real import REAL
+from ahgateway.core.verdict import Verdict, Weight
+from ahgateway.lockstep.causes import sized_again
+from ahgateway.lockstep.judge import Execution
+from ahgateway.lockstep.picture import Picture
+from ahgateway.lockstep.shadow import (
+    Fit,
+    Shadow,
+    explain,
+    input_variants,
+    is_settled,
+    judged_names,
+    merged,
+    patched,
+    recalled,
+)
+from ahgateway.lockstep.suspects import Blame, Estimate, Suspect, agreeing, scaled, stretched
+
+Key = tuple[str, str, str]
+
+RIVALS_MAX = 32
+SHARE_MIN = 0.85
+"""A rival that explains less of what it was shown is dropped: corners of a law cost a persistent cause a few."""
+
+CREDIBLE_MIN = 8
+"""A suspect that the first divergence did not name must explain so many others: last bits agree by chance."""
+
+ESTIMATES_MAX = 64
+"""After so many estimates an interval is narrow enough to be only checked."""
+
+PROVEN_MIN = 20
+"""After so many informative matches a dialect that no longer fits was changed: it had been right."""
+
+ONCE = frozenset(
+    {
+        "operand-written",
+        "mode-change",
+        "stale-pv",
+        "clamp",
+        "missed-execution",
+        "torn-picture",
+        "rounding",
+        "integral",
+    }
+)
+"""Causes that can be a single event, so that later executions do not speak against them."""
+
+ROUNDING_RATIO = 1e-3
+"""A factor nearer to 1 than this is not told from rounding where last bits alone differ."""
+
+GRID = 2.0**-23
+"""A factor lies between two REALs of the operand; two of its intervals may miss by one."""
+
+REPEATED_MIN = 3
+"""From so many on, a written integral is a wrong sum."""
+
+
+class Rival:
+    """One suspect's law, stepped along beside the PLC.
+
+    Attributes:
+        suspect: The suspect, with the interval that all executions so far allow.
+        explained: Divergences that it reproduces.
+        missed: Executions that it does not reproduce.
+    """
+
+    def __init__(self, loop: Loop, suspect: Suspect, blame: Blame, after: Picture) -> None:
+        assert suspect.twist is not None
+        self.suspect = suspect
+        self.explained = 1
+        self.missed = 0
+        self._shown = 1
+        self._ref = loop
+        self._loop = suspect.twist(loop)
+        fit: Fit = blame.fit
+        found = explain(self._loop, (fit.before,), [fit.inputs], after.seen, judged_names(loop))
+        nearest = found.fits[0] if found.fits else found.nearest
+        self._shadow: Shadow = () if nearest is None else patched(self._loop, nearest, after.seen)
+
+    @property
+    def is_standing(self) -> bool:
+        """True while it explains what it is shown."""
+        return self._shown * SHARE_MIN <= self._shown - self.missed
+
+    @property
+    def shadow(self) -> Shadow:
+        """What the PLC remembers if this suspect is right."""
+        return self._shadow
+
+    def sees(self, before: Picture, after: Picture, *, has_diverged: bool) -> None:
+        """Hold it against the next execution."""
+        variants = input_variants(self._ref, before, after)
+        if not self._shadow:
+            self._shadow = recalled(self._loop, (after.inputs, before.inputs), after.seen)
+            return
+        found = explain(self._loop, self._shadow, variants, after.seen, judged_names(self._ref))
+        fit = found.fits[0] if found.fits else found.nearest
+        assert fit is not None
+        is_it = bool(found.fits)
+        if self.suspect.estimate is not None and self.suspect.estimate.value:
+            is_it = self._measured(fit, before, after) or is_it
+        if is_it and found.fits:
+            self._shadow = merged(each.after for each in found.fits)
+        else:
+            self._shadow = patched(self._loop, fit, after.seen)
+        self._shown += 1
+        self.missed += not is_it
+        self.explained += is_it and has_diverged
+
+    def forget(self) -> None:
+        """What it remembers is no longer known."""
+        self._shadow = ()
+
+    def _measured(self, fit: Fit, before: Picture, after: Picture) -> bool:
+        """Estimate the size anew and keep what both allow; tell whether anything is left."""
+        if self._shown > ESTIMATES_MAX:
+            return False
+        fresh = sized_again(self._ref, fit, before, after, self.suspect)
+        if fresh is None or fresh.estimate is None or self.suspect.estimate is None:
+            return False
+        common = _common(self.suspect, fresh)
+        if common is None:
+            return False
+        self.suspect = common
+        assert common.twist is not None
+        self._loop = common.twist(self._ref)
+        return True
+
+
+class Inquiry:
+    """Every divergence of one loop, and what still explains them.
+
+    Attributes:
+        suspects: Causes that stand, likeliest first; () as long as nothing diverged.
+    """
+
+    def __init__(self, loop: Loop) -> None:
+        self.suspects: tuple[Suspect, ...] = ()
+        self._loop = loop
+        self._rivals: list[Rival] = []
+        self._seen: Counter[Key] = Counter()
+        self._named: dict[Key, Suspect] = {}
+        self._diverged = 0
+        self._proven_before = 0
+
+    def hear(self, execution: Execution, before: Picture, after: Picture) -> Execution:
+        """Take in a judged execution; return it with its causes in the order in which they stand now."""
+        if execution.blame is None:
+            if not self._diverged:
+                self._proven_before += execution.weight is Weight.INFORMATIVE
+            elif execution.count == 1 and execution.terms is not None:
+                self._show(before, after, has_diverged=False)
+                self.suspects = self._standing()
+            elif execution.verdict is Verdict.UNOBSERVABLE:
+                self.forget()
+            return execution
+        self._diverged += 1
+        if execution.blame.fit is None or self._loop.controller.begin is not None:
+            self.suspects = (
+                agreeing(self.suspects, execution.blame.suspects) or self.suspects or execution.blame.suspects
+            )
+            return execution
+        self._show(before, after, has_diverged=True)
+        self._admit(execution.blame, after)
+        self.suspects = self._standing()
+        return replace(execution, blame=replace(execution.blame, suspects=self._ordered(execution.blame.suspects)))
+
+    def forget(self) -> None:
+        """Executions went by unseen: what the rivals remember is open."""
+        for rival in self._rivals:
+            rival.forget()
+
+    @property
+    def hidden(self) -> Shadow:
+        """What the PLC remembers by the likeliest cause; () when no law stands."""
+        if self.suspects:
+            for rival in self._rivals:
+                if rival.suspect.key == _law_key(self.suspects[0]):
+                    return tuple(bound for bound in rival.shadow if is_settled(bound))
+        return ()
+
+    def _show(self, before: Picture, after: Picture, *, has_diverged: bool) -> None:
+        for rival in self._rivals:
+            rival.sees(before, after, has_diverged=has_diverged)
+        self._rivals = [rival for rival in self._rivals if rival.is_standing]
+
+    def _admit(self, blame: Blame, after: Picture) -> None:
+        known = {rival.suspect.key for rival in self._rivals}
+        for suspect in blame.suspects:
+            self._seen[suspect.key] += 1
+            self._named[suspect.key] = suspect
+            if suspect.twist is not None and suspect.key not in known and len(self._rivals) < RIVALS_MAX:
+                self._rivals.append(Rival(self._loop, suspect, blame, after))
+
+    def _standing(self) -> tuple[Suspect, ...]:
+        """Laws that explain the divergences, then events that explain most of them, else the unknown."""
+        total = self._diverged
+        laws = [rival for rival in self._rivals if rival.explained >= min(CREDIBLE_MIN, SHARE_MIN * total)]
+        laws.sort(key=lambda rival: rival.missed)
+        known = {rival.suspect.key for rival in laws}
+        events = [key for key, count in self._seen.items() if self._is_event(key, count) and key not in known]
+        events.sort(key=lambda key: (total >= REPEATED_MIN and key[0] == "operand-written", -self._seen[key]))
+        # What an event explains by bits each time stands before a law of which a size has to be fitted.
+        is_fitted = all(rival.suspect.estimate is not None for rival in laws)
+        early = total < REPEATED_MIN and is_fitted
+        first = [key for key in events if (early and self._seen[key] == total) or self._is_rounding(key, laws)]
+        rest = [key for key in events if key not in first]
+        found = (
+            *(self._named[key] for key in first),
+            *(self._dated(rival.suspect) for rival in laws),
+            *(self._named[key] for key in rest),
+        )
+        if found:
+            return found
+        text = "no single change of an operand, mode or dialect reproduces"
+        what = "what the PLC wrote" if total == 1 else f"most of these {total} divergences"
+        return (Suspect("unknown", f"{text} {what}"),)
+
+    def _is_event(self, key: Key, count: int) -> bool:
+        """Tell whether this happens once and again and explains most; a picture is not torn every time."""
+        if key[0] == "torn-picture" and self._diverged >= REPEATED_MIN:
+            return False
+        return key[0] in ONCE and 2 * count >= self._diverged
+
+    def _is_rounding(self, key: Key, laws: list[Rival]) -> bool:
+        """Tell whether last bits alone differ, so that a size this near to the register's is rounding too."""
+        near = all(abs(each.suspect.ratio - 1.0) < ROUNDING_RATIO and each.suspect.estimate for each in laws)
+        return key[0] == "rounding" and near and self._seen[key] >= SHARE_MIN * self._diverged
+
+    def _dated(self, suspect: Suspect) -> Suspect:
+        """A dialect that was right for long has been changed."""
+        if suspect.cause != "dialect" or self._proven_before < PROVEN_MIN:
+            return suspect
+        evidence = f"{suspect.evidence} since then; {self._proven_before} executions before were proven without it"
+        return replace(suspect, cause="firmware-change", evidence=evidence)
+
+    def _ordered(self, suspects: tuple[Suspect, ...]) -> tuple[Suspect, ...]:
+        """An execution's own suspects, those that stand for all of them first."""
+        own = {suspect.key for suspect in suspects}
+        first = tuple(each for each in self.suspects if _law_key(each) in own or each.cause == "unknown")
+        keys = {_law_key(each) for each in first}
+        return (*first, *(each for each in suspects if each.key not in keys and each.cause != "unknown")) or suspects
+
+
+def _law_key(suspect: Suspect) -> Key:
+    cause, operand, setting = suspect.key
+    return ("dialect" if cause == "firmware-change" else cause), operand, setting
+
+
+def _common(known: Suspect, fresh: Suspect) -> Suspect | None:
+    """One suspect with the factors that both allow; an exact estimate outweighs a fitted one. None for no factor."""
+    old, new = known.estimate, fresh.estimate
+    assert old is not None
+    assert new is not None
+    left, right = _factors(known), _factors(fresh)
+    low, high = max(left[0], right[0]), min(left[1], right[1])
+    is_empty = low > high * (1.0 + GRID)
+    if not is_empty and old.is_exact != new.is_exact:
+        return known if old.is_exact else fresh
+    if is_empty:
+        # Two that are only fitted overlap but for the rounding of the fit.
+        is_fitted = not (old.is_exact and new.is_exact)
+        return known if is_fitted and abs(known.ratio - fresh.ratio) <= 1e-4 else None
+    ratio = (low + high) / 2.0
+    held = new.value / fresh.ratio
+    value, smallest, largest = (float(REAL(held * each)) for each in (ratio, low, high))
+    estimate = Estimate(value, smallest, largest, new.unit, old.is_exact and new.is_exact)
+    if fresh.cause == "cycle":
+        evidence = f"an interval of {estimate.text()} s instead of CYCLE's {held:.6g} s ({ratio - 1:+.3%})"
+        twist = stretched(ratio)
+    else:
+        evidence = f"{fresh.operand} acts as {estimate.text()}, its register holds {held:.7g} ({ratio - 1:+.3%})"
+        twist = scaled(_attr(fresh.operand), ratio)
+    return replace(fresh, evidence=evidence, ratio=ratio, estimate=estimate, twist=twist)
+
+
+def _factors(suspect: Suspect) -> tuple[float, float]:
+    estimate: Any = suspect.estimate
+    held = estimate.value / suspect.ratio
+    return estimate.low / held, estimate.high / held
+
+
+def _attr(operand: str) -> str:
+    return operand.lower()

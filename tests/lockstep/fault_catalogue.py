@@ -1,0 +1,126 @@
+"""Every fault of the fake against the judge: a loop in some dialect runs well, goes wrong, and is stirred.
+
+Whether a fault changed a bit is read from the PLC's own log: its executions are stepped again by the right law.
+"""
+
+from __future__ import annotations
+
+import random
+from dataclasses import dataclass
+from typing import Any
+
+from dialects import random_dialect
+from lockstep.bench_world import World
+
+from ahgateway.core.real import bits, quiet
+from ahgateway.fake.faults import FAULTS
+from ahgateway.lockstep.cause_classes import class_of
+from ahgateway.lockstep.picture import predicted
+from ahgateway.lockstep.suspects import Suspect
+
+WELL = 120
+WRONG = 240
+SCHEDULES = ("first_call", "run_on", "run_off_scan", "en_off_time", "schedule", "ts_source")
+
+GAINS: dict[str, dict[str, Any]] = {
+    "DPIDE": {"Kc_Kp": 1.7, "Ti_Ki": 0.63, "Td_Kd": 0.21, "Tf": 0.37, "BIAS": 3.3},
+    "DPID": {"Kp": 1.7, "Ki": 0.63, "Kd": 0.11},
+}
+
+STIR: dict[str, list[tuple[int, str, Any]]] = {
+    "dead-band-ignored": [(1, "ERR_DBW", 4.0), (60, "SV", 51.0)],
+    "no-bumpless": [(2, "PID_MAN", True), (3, "MOUT", 35.0), (30, "PID_MAN", False)] * 1,
+    "windup": [(2, "SV", 150.0), (100, "SV", 60.0)],
+    "limits-before-sum": [(2, "MV_MAX", 55.0), (60, "SV", 80.0), (120, "SV", 40.0)],
+    "bias-after-limits": [(2, "MV_MAX", 55.0), (60, "SV", 80.0), (120, "SV", 40.0)],
+}
+"""What an operator does, poll by poll, where ordinary control would not show the fault."""
+
+TRUTH: dict[str, tuple[str, ...]] = {
+    "gain-1-percent": ("gain Kp", "gain Kc_Kp"),
+    "ki-1-percent": ("gain Ki", "gain Ti_Ki"),
+    "binary64-inside": ("rounding",),
+    "truncation": ("rounding",),
+    "other-order": ("dialect sum_order", "rounding"),
+    "derivative-of-the-other": ("dialect derivative_of", "dialect PID_DE"),
+    "direction-reversed": ("direction PID_DIR",),
+    "dead-band-ignored": ("gain ERR_DBW",),
+    "wrong-ts": ("cycle CYCLE",),
+    "limits-before-sum": ("clamp MV", "unknown", "dialect sum_order", "dialect bias_joins", "rounding"),
+    "windup": ("dialect freeze",),
+    "integral-late": ("dialect integral_used",),
+    "no-bumpless": ("dialect transfer",),
+    "bias-after-limits": ("clamp MV", "unknown", "dialect bias_joins", "rounding"),
+    "filter-ignored": ("gain Tf",),
+}
+"""Fault to the causes that are true of it; those of the same published class count as right."""
+
+CASES = [(name, law) for name, fault in FAULTS.items() for law in sorted(fault.controllers) if not fault.is_pv_late]
+
+
+@dataclass(frozen=True)
+class Trial:
+    """What came of one fault in one dialect.
+
+    Attributes:
+        changed: Executions whose bits the fault changed.
+        convicted: Executions that diverged.
+        false: Executions that diverged before the fault.
+        suspects: What the loop is suspected of in the end.
+    """
+
+    changed: int
+    convicted: int
+    false: int
+    suspects: tuple[Suspect, ...]
+
+
+def label(suspect: Suspect) -> str:
+    """The cause and what it concerns, as the classes spell it."""
+    cause = "dialect" if suspect.cause == "firmware-change" else suspect.cause
+    return f"{cause} {suspect.operand or suspect.setting.partition(' = ')[0]}".strip()
+
+
+def is_right(name: str, suspects: tuple[Suspect, ...]) -> bool:
+    """Tell whether the likeliest cause is true of the fault, within its class."""
+    allowed = {member for truth in TRUTH[name] for member in class_of(truth)}
+    return bool(suspects) and label(suspects[0]) in allowed
+
+
+async def tried(name: str, law: str, dialect: int, seed: int, poll_ms: int = 25) -> Trial:
+    """Run one fault on one loop."""
+    chosen = random_dialect(dialect, share=(dialect % 4) / 4, without=SCHEDULES)
+    chance = random.Random(f"catalogue {name} {law} {dialect} {seed}")
+    gains = {operand: value * chance.uniform(0.8, 1.25) for operand, value in GAINS[law].items()}
+    if law == "DPIDE":
+        gains |= {"PID_EQ": chance.random() < 0.3, "PID_DE": chance.random() < 0.3}
+        gains["Ti_Ki"] = 1.0 / gains["Ti_Ki"] if gains["PID_EQ"] else gains["Ti_Ki"]
+    world = World(law, gains, seed=seed, poll_ms=poll_ms, loop_changes={"dialect": chosen})
+    world.plc.write("L1", "SV", 52.0)
+    for poll in range(WELL):
+        if poll == WELL // 2:
+            world.plc.write("L1", "SV", 48.0)
+        await world.poll()
+    false = world.follower.counts.diverged
+    before = world.plc.executed("L1")
+    world.plc.fail("L1", name)
+    stir: dict[int, list[tuple[str, Any]]] = {}
+    for poll, operand, value in STIR.get(name, [(10, "SV", 55.0), (120, "SV", 47.0)]):
+        stir.setdefault(poll, []).append((operand, value))
+    for poll in range(WRONG):
+        for operand, value in stir.get(poll, []):
+            world.plc.write("L1", operand, value)
+        await world.poll()
+    changed = _changed(world, world.plc.executed("L1") - before)
+    return Trial(changed, world.follower.counts.diverged - false, false, world.follower.suspects)
+
+
+def _changed(world: World, executions: int) -> int:
+    """Of the last so many executions, those whose words the right law does not leave."""
+    law, count = world.loop.controller, 0
+    for entry in list(world.plc.log("L1"))[-executions:]:
+        with quiet(all="ignore"):
+            state, terms = law.step(entry.inputs, entry.before, world.loop.dialect, entry.ts)
+        right = {name: bits(value) for name, value in predicted(law, state, terms).items()}
+        count += right != {name: bits(value) for name, value in predicted(law, entry.state, entry.terms).items()}
+    return count

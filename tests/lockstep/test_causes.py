@@ -1,0 +1,150 @@
+"""Causes after several executions: sizes with their interval, firmware changes, rounding, events that happen once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from lockstep.bench_world import World
+
+from ahgateway.clock import MILLISECOND
+from ahgateway.core.dialect import DEFAULT, SumOrder
+from ahgateway.core.real import REAL
+from ahgateway.fake.faults import Fault
+from ahgateway.lockstep.follow import Follower
+from ahgateway.lockstep.suspects import Suspect
+
+PID: dict[str, Any] = {"Kc_Kp": 2.0, "Ti_Ki": 0.3, "Td_Kd": 0.4, "Tf": 0.5, "BIAS": 3.0}
+
+
+def wrong(change: Any) -> Fault:
+    """A PLC that computes with changed arguments of its step."""
+
+    def wrap(step: Any) -> Any:
+        return lambda inputs, state, dialect, ts: step(*change(inputs, state, dialect, ts))
+
+    return Fault("test", "changed for a test", wrap, frozenset({"DPIDE"}))
+
+
+async def gone_wrong(fault: Fault, *, polls: int = 120, seed: int = 5) -> World:
+    """A loop that runs well, then computes wrongly through a step of SV."""
+    ground = World("DPIDE", PID, seed=seed)
+    await ground.follow(120)
+    assert ground.follower.counts.diverged == 0
+    ground.plc.items["L1"].fail(fault)
+    ground.plc.write("L1", "SV", 58.0)
+    await ground.follow(polls)
+    assert ground.follower.counts.diverged > 1
+    return ground
+
+
+def first(ground: World) -> Suspect:
+    return ground.follower.suspects[0]
+
+
+async def test_the_real_gain_lies_in_its_interval_which_every_execution_narrows() -> None:
+    real = REAL(0.31)
+    fault = wrong(lambda inputs, *rest: (inputs._replace(ti_ki=real), *rest))
+    early, late = await gone_wrong(fault, polls=12), await gone_wrong(fault, polls=200)
+
+    widths = []
+    for ground in (early, late):
+        suspect = first(ground)
+        assert ("gain", "Ti_Ki") == (suspect.cause, suspect.operand)
+        estimate = suspect.estimate
+        assert estimate is not None
+        assert estimate.is_exact
+        assert estimate.low <= float(real) <= estimate.high
+        widths.append(estimate.high - estimate.low)
+    assert widths[1] < widths[0]
+
+
+async def test_the_real_cycle_is_estimated_with_its_interval() -> None:
+    fault = wrong(lambda inputs, state, dialect, ts: (inputs, state, dialect, REAL(0.104)))
+    suspect = first(await gone_wrong(fault))
+
+    assert "cycle" == suspect.cause
+    assert suspect.estimate is not None
+    assert "s" == suspect.estimate.unit
+    assert suspect.estimate.low <= float(REAL(0.104)) <= suspect.estimate.high
+
+
+async def test_an_operand_that_the_instruction_does_not_see_acts_as_0() -> None:
+    suspect = first(await gone_wrong(wrong(lambda inputs, *rest: (inputs._replace(bias=REAL(0)), *rest))))
+
+    assert ("gain", "BIAS", 0.0) == (suspect.cause, suspect.operand, suspect.ratio)
+
+
+async def test_a_dialect_that_was_right_for_long_was_changed_by_a_firmware() -> None:
+    other = DEFAULT._replace(sum_order=SumOrder.PD_I)
+    fault = wrong(lambda inputs, state, dialect, ts: (inputs, state, other, ts))
+    suspect = first(await gone_wrong(fault))
+
+    assert ("firmware-change", "sum_order = pd_i") == (suspect.cause, suspect.setting)
+
+
+async def test_two_axes_changed_together_are_found() -> None:
+    other = DEFAULT._replace(filter=1, integrator=1)
+    fault = wrong(lambda inputs, state, dialect, ts: (inputs, state, other, ts))
+    suspect = first(await gone_wrong(fault))
+
+    assert ("firmware-change", "integrator = trapezoid, filter = forward") == (suspect.cause, suspect.setting)
+
+
+async def test_a_dialect_that_was_never_right_is_no_change() -> None:
+    ground = World("DPIDE", PID, seed=5, loop_changes={"dialect": DEFAULT._replace(sum_order=SumOrder.PD_I)})
+    ground.follower = Follower(replace(ground.loop, dialect=DEFAULT))
+    await ground.follow(200)
+
+    assert ("dialect", "sum_order = pd_i") == (first(ground).cause, first(ground).setting)
+
+
+async def test_last_bits_that_no_dialect_explains_are_rounding() -> None:
+    ground = World("DPIDE", PID, seed=5)
+    await ground.follow(120)
+    ground.plc.fail("L1", "binary64-inside")
+    ground.plc.write("L1", "SV", 58.0)
+    await ground.follow(160)
+
+    assert "rounding" == first(ground).cause
+
+
+async def test_an_execution_too_many_is_told_from_an_integral_that_somebody_wrote() -> None:
+    def twice(step: Any) -> Any:
+        def wrapped(inputs: Any, state: Any, dialect: Any, ts: REAL) -> Any:
+            once, _ = step(inputs, state, dialect, ts)
+            return step(inputs, once, dialect, ts)
+
+        return wrapped
+
+    ground = await gone_wrong(Fault("twice", "executes twice", twice, frozenset({"DPIDE"})), polls=40)
+
+    assert "missed-execution" == first(ground).cause
+
+
+async def test_an_integral_written_once_is_no_gain() -> None:
+    ground = World("DPIDE", PID, seed=4)
+    await ground.follow(120)
+    table = ground.station.devices.ranges[0].table
+    place = ground.loop.bindings["I_MV"].index  # type: ignore[union-attr]
+    due_ns = ground.plc.log("L1")[-1].time_ns + 100 * MILLISECOND
+    ground.plc.at(due_ns - 4 * MILLISECOND, lambda plc: plc.memory.write(table, place, (0, 0x41C8)))
+    await ground.follow(60)
+
+    assert {"operand-written", "integral"} == {suspect.cause for suspect in ground.follower.suspects}
+    assert "operand-written" == first(ground).cause
+
+
+async def test_what_nothing_explains_is_unknown_and_says_for_how_many() -> None:
+    fault = wrong(
+        lambda inputs, state, dialect, ts: (
+            inputs._replace(kc_kp=inputs.kc_kp + inputs.pv / inputs.sv, ti_ki=inputs.ti_ki * inputs.pv),
+            state,
+            dialect,
+            ts,
+        )
+    )
+    ground = await gone_wrong(fault)
+
+    assert "unknown" == first(ground).cause
+    assert f"most of these {ground.follower.counts.diverged} divergences" in first(ground).evidence
