@@ -164,6 +164,8 @@ class Follower:
         found: list[Event] = [
             Change(name, before.seen[name], after.seen[name]) for name in sorted(changed) if name != "MOUT"
         ]
+        if changed != {"MOUT"}:
+            self._inquiry.forget()
         shown = {word.attr: after.seen[word.name] for word in self.loop.controller.seen if word.attr == "i"}
         self._shadow = merged(
             Bound(bound.low._replace(**shown), bound.high._replace(**shown)) for bound in self._shadow

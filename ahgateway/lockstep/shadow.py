@@ -37,8 +37,11 @@ ADVANCED_MAX = 512
 MARGIN_ULP = 16
 """How far rounding can carry a filter that is not quite monotone."""
 
-ROUNDING = 8 * 2.0**-24
-"""The same as a share of the larger of its content before and after: it adds what it has just taken off."""
+ROUNDING = 2.0**-23
+"""The same as a share of its content and twice its change: three roundings, at either end."""
+
+STEEP_MIN = 8.0
+"""A loose filter keeps at least one part in so many of its content at each execution (ASSUMED)."""
 
 ROUGH_ULP = 1024
 """So many ULP of MV a bound of such a filter can miss while it is open: its own errors grow from step to step."""
@@ -182,10 +185,11 @@ def stepped(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> tuple[Bound, Any
         if bound.is_point:
             return Bound(low, low), low_terms, low_terms
         high, high_terms = controller.step(inputs, bound.high, loop.dialect, ts)
-    attr = open_attr(Bound(low, high))
+    is_open_d = is_loose(loop) and open_attr(bound) == "d"
+    attr = "d" if is_open_d else open_attr(Bound(low, high))
     if attr is not None and order(getattr(low, attr)) > order(getattr(high, attr)):
         low, high, low_terms, high_terms = high, low, high_terms, low_terms
-    if is_loose(loop) and open_attr(bound) == "d":
+    if is_open_d:
         low, high = _enclosing(loop, inputs, bound, ts, low, high)
     return Bound(low, high), low_terms, high_terms
 
@@ -197,7 +201,7 @@ def is_loose(loop: Loop) -> bool:
 
 def _enclosing(loop: Loop, inputs: Any, bound: Bound, ts: REAL, low: Any, high: Any) -> tuple[Any, Any]:
     """Widen both ends behind a loose filter until they enclose what every content between can have become."""
-    first, last = order(bound.low.d), order(bound.high.d)
+    first, last = sorted((order(bound.low.d), order(bound.high.d)))
     if last - first <= 4 * MARGIN_ULP:
         with quiet(all="ignore"):
             contents = [
@@ -205,9 +209,14 @@ def _enclosing(loop: Loop, inputs: Any, bound: Bound, ts: REAL, low: Any, high: 
                 for each in range(first, last + 1)
             ]
         return low._replace(d=min(contents, key=order)), high._replace(d=max(contents, key=order))
-    size = max(abs(float(each.d)) for each in (*bound, low, high))
+    lost = max(_lost(before.d, after.d) for before in bound for after in (low, high))
     with quiet(all="ignore"):
-        return low._replace(d=REAL(low.d - size * ROUNDING)), high._replace(d=REAL(high.d + size * ROUNDING))
+        return low._replace(d=REAL(low.d - lost)), high._replace(d=REAL(high.d + lost))
+
+
+def _lost(before: REAL, after: REAL) -> float:
+    """By how much a loose filter's content can be off for rounding."""
+    return ROUNDING * (abs(float(after)) + 2.0 * abs(float(after) - float(before)))
 
 
 def input_variants(loop: Loop, before: Picture, after: Picture) -> list[Any]:
@@ -434,8 +443,10 @@ def _loosened(loop: Loop, inputs: Any, bound: Bound, ts: REAL, first: int, last:
     part = Bound(bound.low._replace(d=from_order(first)), bound.low._replace(d=from_order(last)))
     with quiet(all="ignore"):
         reached = [loop.controller.step(inputs, each, loop.dialect, ts)[0].d for each in part]
-        size = max(abs(float(each)) for each in (part.low.d, part.high.d, *reached)) * ROUNDING * MARGIN_ULP
-        return order(REAL(part.low.d - size)), order(REAL(part.high.d + size))
+        lost = max(_lost(before.d, after) for before, after in zip(part, reached, strict=True))
+        width, moved = float(part.high.d) - float(part.low.d), abs(float(reached[1]) - float(reached[0]))
+        margin = 2.0 * lost * max(1.0, width / moved if moved > 0.0 else STEEP_MIN)
+        return order(REAL(part.low.d - margin)), order(REAL(part.high.d + margin))
 
 
 def _first(low: int, high: int, holds: Callable[[int], bool]) -> int:

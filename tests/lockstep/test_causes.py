@@ -144,7 +144,7 @@ async def test_what_nothing_explains_is_unknown_and_says_for_how_many() -> None:
             ts,
         )
     )
-    ground = await gone_wrong(fault)
+    ground = await gone_wrong(fault, polls=40)
 
     assert "unknown" == first(ground).cause
     assert f"most of these {ground.follower.counts.diverged} divergences" in first(ground).evidence

@@ -9,7 +9,7 @@ from dialects import random_dialect
 
 @pytest.mark.parametrize(
     ("name", "seed", "polls"),
-    [("DPIDE", 139, 30), ("DPID", 151, 230), ("DPIDE", 154, 60), ("DPID", 7, 290)],
+    [("DPIDE", 139, 30), ("DPID", 151, 230), ("DPIDE", 154, 300), ("DPID", 7, 290)],
     ids=["forward-filter", "history-older-than-the-picture", "back-calculated-at-a-limit", "manual-without-pv"],
 )
 async def test_what_cannot_be_known_convicts_nobody(name: str, seed: int, polls: int) -> None:
