@@ -23,7 +23,6 @@ from ahgateway.core.dialect import Freeze, Integrator
 from ahgateway.core.real import REAL, quiet, same_bits
 from ahgateway.core.verdict import Verdict
 from ahgateway.lockstep.anchor import anchored
-from ahgateway.lockstep.causes import Suspect
 from ahgateway.lockstep.judge import SEVERAL, TRIVIAL_FLAGS, Execution, judge
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import (
@@ -37,6 +36,7 @@ from ahgateway.lockstep.shadow import (
     merged,
     recalled,
 )
+from ahgateway.lockstep.suspects import Suspect
 from ahgateway.lockstep.thinning import is_plain
 
 COUNT_MAX = 12

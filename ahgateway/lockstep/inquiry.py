@@ -174,7 +174,8 @@ class Inquiry:
                 self.forget()
             return execution
         self._diverged += 1
-        if execution.blame.fit is None or self._loop.controller.begin is not None:
+        if execution.blame.fit is None or execution.count > 1:
+            self.forget()
             self.suspects = (
                 agreeing(self.suspects, execution.blame.suspects) or self.suspects or execution.blame.suspects
             )
