@@ -211,6 +211,11 @@ def _said(step: Step, checks: Sequence[Check]) -> None:
     from ahgateway.apps.commission.catalogue import CATALOGUE
 
     typer.echo(f"{step.value} {step.title}", err=True)
+    reasons = {check.text for check in checks}
+    if len(reasons) == 1 and len(checks) > 1 and checks[0].outcome.value == "skipped":
+        first, last = (CATALOGUE[check.name].code for check in (checks[0], checks[-1]))
+        typer.echo(f"  {MARKS['skipped']} {first}…{last} left out: {checks[0].text}", err=True)
+        return
     for check in checks:
         kind = CATALOGUE[check.name]
         typer.echo(f"  {MARKS[check.outcome.value]} {kind.code} {check.name}: {check.text}", err=True)
@@ -223,7 +228,7 @@ def _consent(station: Station, auto: bool) -> Callable[[Envelope], bool]:
         from ahgateway.clock import SECOND
 
         text = (
-            f"step 5 moves the process: MOUT by {bounds.step:g} each way, "
+            f"step 5 moves the process: {bounds.operand} by {bounds.step:g} each way, "
             f"PV within {bounds.pv_low:g}…{bounds.pv_high:g}, "
             f"at most {bounds.total_ns / SECOND / 60:g} min"
         )

@@ -116,7 +116,7 @@ def _identity(station: Station, done: Search) -> list[Check]:
     ]
     checks += [judged(each, good, text if good else f"{text}, {silent}") for each, good, text in aspects]
     if not is_serial:
-        why = "a network has no line settings"
+        why = "there is no serial line"
         return [*checks, skipped("wrong-line", why), skipped("wrong-port", why)]
     text = f"{found.target} answers"
     return [
@@ -250,7 +250,7 @@ async def _paced(station: Station, loop: Loop, link: Link, clock: Clock, sees: S
 async def _idle(station: Station, found: Found, loop: Loop, link: Link, clock: Clock, budget_ns: int) -> Check:
     """Leave the connection alone for longer and longer, and see whether it still is the same one."""
     if "tcp" not in station.target.partition("://")[0]:
-        return skipped("idle-disconnect", "a serial line has no connection that could be closed")
+        return skipped("idle-disconnect", "there is no connection that could be closed")
     if not budget_ns:
         return skipped("idle-disconnect", "not asked for: --idle SECONDS")
     read = Read(station.unit, Table.HOLDING, _first_address(station, loop), 1)

@@ -168,7 +168,7 @@ def _scored(loop: Loop, hypothesis: Hypothesis, words: Mapping[str, tuple[int, .
     signs += _sense(loop, values, words)
     shown = {name: value if math.isfinite(value) else str(value) for name, value in values.items()}
     # The program fills PV from its input, whether an instruction stands there or not.
-    is_empty = not any(any(each) for name, each in words.items() if name != "PV")
+    is_empty = not any(any(each) for name, each in words.items() if name not in loop.controller.roles.pvs)
     return Fit(hypothesis, sum(signs), len(signs), shown, is_empty)
 
 
@@ -179,10 +179,12 @@ def _is_usual(value: float) -> bool:
 def _sense(loop: Loop, values: Mapping[str, Any], words: Mapping[str, tuple[int, ...]]) -> list[bool]:
     """Signs that need several operands."""
     signs: list[bool] = []
+    roles = loop.controller.roles
+    mv = loop.controller.operand_of(roles.mv)
     if {"MV", "MV_MIN", "MV_MAX"} <= values.keys():
         low, high = sorted((values["MV_MIN"], values["MV_MAX"]))
         signs += [low < high, low <= values["MV"] <= high or values["MV"] == 0.0]
-    for name, bounds in (("PV", loop.pv_range), ("SV", loop.pv_range), ("MV", loop.mv_range)):
+    for name, bounds in ((roles.pvs[0], loop.pv_range), (roles.sv, loop.pv_range), (mv, loop.mv_range)):
         if bounds is not None and name in values:
             signs.append(bounds[0] - 0.1 * (bounds[1] - bounds[0]) <= values[name] <= 1.1 * bounds[1])
     for seen in loop.controller.seen:

@@ -11,7 +11,7 @@ from ahgateway.codec.station import Loop, Station
 from ahgateway.core.verdict import Counts
 from ahgateway.errors import PlcRefusedError, TransportError
 from ahgateway.lockstep.events import Change, Finding
-from ahgateway.lockstep.follow import Event, Follower, cycle_ns
+from ahgateway.lockstep.follow import Event, Follower, cycle_ns, output_of, process_value_of, target_of
 from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.patient import BUSY
 from ahgateway.lockstep.picture import Picture, Sampler, Sees
@@ -66,21 +66,21 @@ class Observation:
                 return event
         return None
 
-    def trace(self, points_max: int = 600) -> dict[str, list[float]]:
+    def trace(self, loop: Loop, points_max: int = 600) -> dict[str, list[float]]:
         """Return time in s, SV, PV and MV for a plot, thinned to `points_max`."""
-        return trace(self.pictures, points_max)
+        return trace(loop, self.pictures, points_max)
 
 
-def trace(pictures: Sequence[Picture], points_max: int = 600) -> dict[str, list[float]]:
+def trace(loop: Loop, pictures: Sequence[Picture], points_max: int = 600) -> dict[str, list[float]]:
     """Return time in s from the first picture, SV, PV and MV, thinned to `points_max` points."""
     every = max(1, -(-len(pictures) // points_max))
     kept = pictures[::every]
     start_ns = kept[0].last_ns if kept else 0
     return {
         "t": [(each.last_ns - start_ns) / SECOND for each in kept],
-        "SV": [_finite(each.inputs.sv) for each in kept],
-        "PV": [_finite(each.inputs.pv) for each in kept],
-        "MV": [_finite(each.seen["MV"]) for each in kept],
+        "SV": [_finite(target_of(loop, each)) for each in kept],
+        "PV": [_finite(process_value_of(loop, each)) for each in kept],
+        "MV": [_finite(output_of(loop, each)) for each in kept],
     }
 
 

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
+import numpy as np
+
 from ahgateway.apps.commission.checks import Check, failed, judged, passed, skipped, unclear
 from ahgateway.apps.commission.observe import Observation
 from ahgateway.clock import MILLISECOND, SECOND
@@ -16,7 +18,7 @@ from ahgateway.codec.station import Loop, Station
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import bits
 from ahgateway.core.verdict import Exit, outcome, reason
-from ahgateway.lockstep.follow import cycle_ns
+from ahgateway.lockstep.follow import cycle_ns, output_of, process_value_of, target_of
 from ahgateway.lockstep.gate.change import shown
 from ahgateway.lockstep.picture import Picture
 
@@ -29,7 +31,6 @@ MOVED = 0.005
 PICTURES_MIN = 12
 LOST_MIN = 4
 """So many operands that become 0 at once are a restart, not a person."""
-GAINS = ("Kp", "Ki", "Kd", "Kc_Kp", "Ti_Ki", "Td_Kd", "Tf")
 
 
 def read_loop(station: Station, loop: Loop, seen: Observation) -> list[Check]:
@@ -41,16 +42,16 @@ def read_loop(station: Station, loop: Loop, seen: Observation) -> list[Check]:
     return [
         _in_run(seen),
         _numbers(loop, last),
-        _limits(last),
+        _limits(loop, last),
         _negative(loop, last),
         _documented(loop, last),
         _cycle(loop, last),
         *_signal(loop, seen),
-        _direction(last),
+        _direction(loop, last),
         _overlap(station, loop),
         _memory(loop, seen),
         _writers(loop, seen),
-        _service(last),
+        _service(loop, last),
         _process_range(loop, last),
     ]
 
@@ -123,14 +124,17 @@ def _value(picture: Picture, operand: str) -> Any:
     return getattr(picture.inputs, attr) if hasattr(picture.inputs, attr) else picture.seen[operand]
 
 
-def _limits(last: Picture) -> Check:
-    low, high = last.inputs.mv_min, last.inputs.mv_max
-    text = f"MV_MIN is {shown(low)}, MV_MAX is {shown(high)}"
-    return judged("limits-exchanged", bool(low < high), text if low != high else f"{text}: MV cannot move")
+def _limits(loop: Loop, last: Picture) -> Check:
+    limits = loop.controller.limits(last.inputs)
+    if limits is None:
+        return skipped("limits-exchanged", "no limits are in force")
+    (low_name, low), (high_name, high) = limits
+    text = f"{low_name} is {shown(low)}, {high_name} is {shown(high)}"
+    return judged("limits-exchanged", bool(low < high), text if low != high else f"{text}: the output cannot move")
 
 
 def _negative(loop: Loop, last: Picture) -> Check:
-    names = [name for name in GAINS if hasattr(last.inputs, name.lower())]
+    names = [name for name in loop.controller.roles.gains if hasattr(last.inputs, name.lower())]
     wrong = [f"{name} is {shown(_value(last, name))}" for name in names if _value(last, name) < 0]
     return judged("negative-gain", not wrong, ", ".join(wrong) or f"{', '.join(names)} are 0 or above")
 
@@ -154,7 +158,7 @@ def _cycle(loop: Loop, last: Picture) -> Check:
 
 def _signal(loop: Loop, seen: Observation) -> list[Check]:
     """PV against its range: stuck, noisy, in steps; and the dead band against those steps."""
-    values = [float(each.inputs.pv) for each in seen.pictures]
+    values = [float(process_value_of(loop, each)) for each in seen.pictures]
     names = ("pv-stuck", "pv-noisy", "pv-quantised", "dead-band")
     if len(values) < PICTURES_MIN or not all(math.isfinite(value) for value in values):
         return [skipped(name, f"{len(values)} pictures with a number for PV are too few") for name in names]
@@ -162,7 +166,7 @@ def _signal(loop: Loop, seen: Observation) -> list[Check]:
     span = _span(loop, seen.pictures)
     checks = [_stuck(loop, seen, len(moves))]
     if not moves:
-        return [*checks, *(skipped(name, "PV did not move") for name in names[1:3]), _dead_band(seen, 0.0)]
+        return [*checks, *(skipped(name, "PV did not move") for name in names[1:3]), _dead_band(loop, seen, 0.0)]
     noise = _noise(values)
     checks.append(
         judged("pv-noisy", noise <= NOISE_MAX * span, f"noise {noise:.3g}, range {span:g}", noise=noise, range=span)
@@ -170,18 +174,18 @@ def _signal(loop: Loop, seen: Observation) -> list[Check]:
     quantum = _quantum(moves)
     text = f"PV moves in steps of {quantum:.3g}, range {span:g}" if quantum else "no steps to be seen in PV"
     checks.append(judged("pv-quantised", quantum <= QUANTUM_MAX * span, text, quantum=quantum, range=span))
-    return [*checks, _dead_band(seen, quantum)]
+    return [*checks, _dead_band(loop, seen, quantum)]
 
 
 def _span(loop: Loop, pictures: Sequence[Picture]) -> float:
     if loop.pv_range is not None:
         return loop.pv_range[1] - loop.pv_range[0]
-    last = pictures[-1].inputs
-    return max(abs(float(last.sv)), abs(float(last.pv)), 1.0)
+    last = pictures[-1]
+    return max(abs(float(target_of(loop, last))), abs(float(process_value_of(loop, last))), 1.0)
 
 
 def _stuck(loop: Loop, seen: Observation, moves: int) -> Check:
-    outputs = [float(each.seen["MV"]) for each in seen.pictures]
+    outputs = [float(output_of(loop, each)) for each in seen.pictures]
     low, high = loop.mv_range or (0.0, 100.0)
     travel = max(outputs) - min(outputs)
     if moves:
@@ -211,28 +215,31 @@ def _quantum(moves: Sequence[float]) -> float:
     return smallest if whole == len(moves) and len(moves) >= 4 else 0.0
 
 
-def _dead_band(seen: Observation, quantum: float) -> Check:
-    band = abs(float(seen.pictures[-1].inputs.err_dbw))
+def _dead_band(loop: Loop, seen: Observation, quantum: float) -> Check:
+    name = loop.controller.roles.dead_band
+    band = abs(float(_value(seen.pictures[-1], name))) if name else 0.0
     if not band:
         return passed("dead-band", "there is none")
-    return judged("dead-band", band >= quantum, f"ERR_DBW is {band:g}, PV moves in steps of {quantum:.3g}")
+    return judged("dead-band", band >= quantum, f"{name} is {band:g}, PV moves in steps of {quantum:.3g}")
 
 
-def _direction(last: Picture) -> Check:
+def _direction(loop: Loop, last: Picture) -> Check:
     equation = (
         "E = SV - PV: MV rises while PV is below SV"
-        if last.inputs.pid_dir
+        if loop.controller.rises(last.inputs)
         else "E = PV - SV: MV rises while PV is above SV"
     )
-    return passed("direction", f"PID_DIR is {shown(bool(last.inputs.pid_dir))}, {equation}")
+    return passed("direction", equation)
 
 
 def _overlap(station: Station, loop: Loop) -> Check:
     memory = block.spans(loop, station.devices).get("I_MV")
+    if memory is None:
+        return skipped("overlap", f"{loop.controller.name} keeps no block of memory in registers of ours")
     wrong = []
     for other in station.loops:
         for name, span in block.spans(other, station.devices).items():
-            if memory is None or (other.name == loop.name and name == "I_MV") or span.table is not memory.table:
+            if (other.name == loop.name and name == "I_MV") or span.table is not memory.table:
                 continue
             if span.address < memory.end and memory.address < span.end:
                 wrong.append(f"{name} of loop {other.name}")
@@ -242,43 +249,47 @@ def _overlap(station: Station, loop: Loop) -> Check:
 def _memory(loop: Loop, seen: Observation) -> Check:
     first, last = seen.pictures[0], seen.pictures[-1]
     lasted_ns = last.last_ns - first.last_ns
-    if not (math.isfinite(last.inputs.sv) and math.isfinite(last.inputs.pv)):
+    if not (math.isfinite(target_of(loop, last)) and math.isfinite(process_value_of(loop, last))):
         return skipped("i-mv-dead", "SV or PV is no number, so that the instruction holds")
     if lasted_ns < 5 * cycle_ns(loop, last):
         return skipped("i-mv-dead", "observed for less than five CYCLE")
-    owned = [each.name for each in loop.controller.seen if each.operand == "I_MV" and each.name in last.seen]
-    alive = any(len({bits(each.seen[name]) for each in seen.pictures}) > 1 for name in owned)
+    memory = [each.name for each in loop.controller.seen if each.operand == "I_MV" and each.name in last.seen]
+    owned = memory or [name for name in loop.controller.roles.computed if name in last.seen]
+    alive = any(len({_key(each.seen[name]) for each in seen.pictures}) > 1 for name in owned)
     if alive:
         return passed("i-mv-dead", f"{', '.join(owned)} change")
+    if first.count != last.count:
+        return passed("i-mv-dead", f"{', '.join(owned)} rest, and the program counts executions")
     stalled = seen.found("no-execution")
     if stalled is not None:
         return failed("i-mv-dead", stalled.text)
-    still = len({bits(each.inputs.pv) for each in seen.pictures}) == 1
+    if not memory:
+        return unclear("i-mv-dead", f"{', '.join(owned)} hold the same bits: at rest, or not executed")
+    still = len({_key(process_value_of(loop, each)) for each in seen.pictures}) == 1
     text = f"{', '.join(owned)} hold the same bits for {lasted_ns / SECOND:.1f} s"
     return unclear("i-mv-dead", f"{text}, and so does PV") if still else failed("i-mv-dead", text)
 
 
 def _writers(loop: Loop, seen: Observation) -> Check:
     """Who else writes: operands that changed, and outputs that hold what no execution left there."""
-    counts = Counter(change.operand for change in seen.changes if change.operand != "PV")
+    process = {*loop.controller.roles.pvs, *loop.controller.roles.signals}
+    counts = Counter(change.operand for change in seen.changes if change.operand not in process)
     counts.update(name for execution in seen.executions for name in execution.written)
     overwritten = [suspect for suspect in seen.suspects if suspect.cause == "operand-written"]
     texts = [f"{name} {count} times" for name, count in sorted(counts.items())]
     texts += [suspect.evidence for suspect in overwritten]
-    pv = len({bits(each.inputs.pv) for each in seen.pictures}) > 1
+    pv = len({_key(process_value_of(loop, each)) for each in seen.pictures}) > 1
     text = f"written by somebody else: {', '.join(texts)}" if texts else "nobody else wrote an operand"
     return judged("program-writes", not texts, f"{text}; PV is {'refreshed' if pv else 'not refreshed'}", **counts)
 
 
-def _service(last: Picture) -> Check:
-    inputs = last.inputs
-    wrong = []
-    if not inputs.pid_run:
-        wrong.append("PID_RUN is FALSE: MV is held at 0")
-    if inputs.pid_mode == 1:
-        wrong.append("PID_MODE is 1: auto-tuning")
-    if inputs.pid_man:
-        wrong.append("PID_MAN is TRUE: manual")
+def _key(value: Any) -> Any:
+    """What tells two values of one kind apart: the bits of a REAL, a whole number or a flag as it is."""
+    return bits(value) if isinstance(value, np.floating) else value
+
+
+def _service(loop: Loop, last: Picture) -> Check:
+    wrong = loop.controller.service(last.inputs, last.seen)
     return unclear("out-of-service", "; ".join(wrong)) if wrong else passed("out-of-service", "in automatic")
 
 
@@ -286,9 +297,9 @@ def _process_range(loop: Loop, last: Picture) -> Check:
     if loop.pv_range is None and loop.mv_range is None:
         return skipped("outside-process-range", "the profile names no ranges")
     values = (
-        ("SV", last.inputs.sv, loop.pv_range),
-        ("PV", last.inputs.pv, loop.pv_range),
-        ("MV", last.seen["MV"], loop.mv_range),
+        ("SV", target_of(loop, last), loop.pv_range),
+        ("PV", process_value_of(loop, last), loop.pv_range),
+        ("MV", output_of(loop, last), loop.mv_range),
     )
     wrong = [
         f"{name} is {shown(value)}, range {bounds[0]:g}…{bounds[1]:g}"

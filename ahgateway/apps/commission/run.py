@@ -159,7 +159,7 @@ class Commission:
         self._seen = seen
         if seen.pictures:
             self.progress.facts.setdefault("as_found", operands(self.loop, seen.pictures[0]))
-            self.progress.facts["trace"] = seen.trace()
+            self.progress.facts["trace"] = seen.trace(self.loop)
         self._done(Step.LOOP, reading.read_loop(self.station, self.loop, seen), said)
         self._done(Step.SHADOW, reading.judge_shadow(seen, wishes.coverage_min), said)
 

@@ -14,9 +14,6 @@ from ahgateway.apps.commission.checks import Progress, Step, as_json, exit_for
 from ahgateway.clock import SECOND
 from ahgateway.codec.station import Const, Loop, Station
 
-OWN = frozenset({"PV", "MV", "MOUT", "I_MV"})
-"""Operands that change by themselves; a difference of theirs is no change of the loop."""
-
 VERDICT = {0: "PASS", 1: "FAIL", 3: "INCONCLUSIVE"}
 
 
@@ -50,6 +47,9 @@ def sheet_json(progress: Progress, station: Station, loop: Loop, heading: Headin
 def differences(facts: Mapping[str, Any], loop: Loop) -> list[dict[str, Any]]:
     """Return each operand as found and as left, and whether somebody changed it."""
     found, left = facts.get("as_found"), facts.get("as_left")
+    roles = loop.controller.roles
+    # They change by themselves; a difference of theirs is no change of the loop.
+    own = {*roles.pvs, *roles.signals, roles.mout, *(seen.operand for seen in loop.controller.seen)}
     rows = []
     for row in loop.controller.operands:
         binding = loop.bindings[row.name]
@@ -61,7 +61,7 @@ def differences(facts: Mapping[str, Any], loop: Loop) -> list[dict[str, Any]]:
                 "operand": row.name, "device": device, "unit": _unit(row.unit, loop),
                 "as_found": found["values"].get(row.name) if found else None,
                 "as_left": left["values"].get(row.name) if left else None,
-                "changed": before != after and before is not None and after is not None and row.name not in OWN,
+                "changed": before != after and before is not None and after is not None and row.name not in own,
             }
         )  # fmt: skip
     return rows

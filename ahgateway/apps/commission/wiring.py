@@ -1,8 +1,8 @@
-"""Step 5, prove the wiring: small steps of MOUT in manual, inside an excitation envelope, and everything back.
+"""Step 5, prove the wiring: small steps of the manual value, inside an excitation envelope, and everything back.
 
 It is the one step that moves the process. Each picture is held against the envelope (PV, its rate, time) and against
 what we wrote; anything odd ends the test, and the gate puts the loop back. The sign of the process is what matters:
-with PID_DIR TRUE (E = SV - PV) PV must rise when MV rises, with FALSE it must fall, or the loop runs away in automatic.
+where E = SV - PV, PV must rise when MV rises, where E = PV - SV it must fall, or the loop runs away in automatic.
 """
 
 from __future__ import annotations
@@ -10,14 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from ahgateway.apps.commission.checks import Check, failed, judged, passed, skipped, unclear
 from ahgateway.apps.commission.observe import trace
 from ahgateway.clock import MILLISECOND, SECOND, Clock
-from ahgateway.codec.station import Loop, Station
+from ahgateway.codec.station import Loop, Station, WriteLimit
+from ahgateway.codec.words import decode
 from ahgateway.errors import AhGatewayError, PlcRefusedError, StateError
-from ahgateway.lockstep.follow import cycle_ns
-from ahgateway.lockstep.gate.change import shown
+from ahgateway.lockstep.follow import cycle_ns, output_of, process_value_of
+from ahgateway.lockstep.gate.change import in_manual, shown
 from ahgateway.lockstep.gate.gate import Gate
 from ahgateway.lockstep.gate.states import State
 from ahgateway.lockstep.patient import BUSY, Patient
@@ -39,12 +41,13 @@ class Envelope:
     """What the test may do to the process.
 
     Attributes:
-        step: Size of a step of MOUT, in MV's unit.
+        step: Size of a step of the manual value, in MV's unit.
         pv_low: PV below ends the test.
         pv_high: PV above ends the test.
         pv_rate_max: PV's largest rate per second over one CYCLE and at least a second; None is no limit.
         answer_ns: How long PV is given to answer a step.
         total_ns: Longest time of the whole test; the arming ends with it.
+        operand: What the controller calls its manual value.
     """
 
     step: float
@@ -53,6 +56,7 @@ class Envelope:
     pv_rate_max: float | None = None
     answer_ns: int = 60 * SECOND
     total_ns: int = 900 * SECOND
+    operand: str = "MOUT"
 
 
 class LeftError(StateError):
@@ -69,10 +73,13 @@ def envelope(loop: Loop, picture: Picture, *, step: float | None = None, pv: flo
     Raises:
         StateError: The profile allows no MOUT, or nothing says how far PV may go.
     """
-    limit = loop.writes.get("MOUT")
-    if limit is None or limit.step_max is None or "PID_MAN" not in loop.writes:
+    roles = loop.controller.roles
+    if not roles.manual or not roles.mout:
+        raise StateError(f"{loop.controller.name} has no manual value by which its output could be moved in steps")
+    limit = loop.writes.get(roles.mout)
+    if limit is None or limit.step_max is None or roles.manual not in loop.writes:
         raise StateError(
-            f"loop {loop.name}: MOUT and PID_MAN are not on the list of what may be written",
+            f"loop {loop.name}: {roles.mout} and {roles.manual} are not on the list of what may be written",
             hint=f"[loops.{loop.name}.write] in the profile is that list",
         )
     size = min(limit.step_max, step or limit.step_max)
@@ -82,8 +89,8 @@ def envelope(loop: Loop, picture: Picture, *, step: float | None = None, pv: flo
             hint="name `ranges.pv` in the profile, or use --pv-band",
         )
     band = pv if pv is not None else 0.1 * (loop.pv_range[1] - loop.pv_range[0])  # type: ignore[index]
-    stands = float(picture.inputs.pv)
-    return Envelope(size, stands - band, stands + band)
+    stands = float(process_value_of(loop, picture))
+    return Envelope(size, stands - band, stands + band, operand=roles.mout)
 
 
 @dataclass(slots=True)
@@ -112,7 +119,7 @@ async def prove(
         test.note(failed("not-as-found", "something was left; the gate is broken until a person looks"))
     elif gate.session is not None:
         test.note(passed("not-as-found", "everything is as found"))
-    return Proof(test.complete(), trace(test.pictures))
+    return Proof(test.complete(), trace(loop, test.pictures))
 
 
 def _failure(error: AhGatewayError) -> Check:
@@ -130,6 +137,7 @@ class _Test:
         self.gate, self.sampler, self.loop, self.clock, self.bounds = gate, sampler, loop, clock, bounds
         self.pictures: list[Picture] = []
         self.checks: dict[str, Check] = {}
+        self.roles = loop.controller.roles
         self._poll_ns = 50 * MILLISECOND
 
     def note(self, check: Check) -> None:
@@ -145,9 +153,9 @@ class _Test:
     async def run(self) -> None:
         picture = await self.look()
         self._poll_ns = max(20 * MILLISECOND, cycle_ns(self.loop, picture) // 2)
-        was_manual = picture.inputs.pid_man
-        before = float(picture.seen["MV"])
-        await self.gate.write({"PID_MAN": True}, "into manual")
+        was_manual = in_manual(self.roles, picture.words)
+        before = self._mv(picture)
+        await self.gate.write({self.roles.manual: self.roles.is_manual_when}, "into manual")
         await self._settle()
         await self._steps()
         await self._clamps()
@@ -158,6 +166,23 @@ class _Test:
             await self._return(before)
         self.note(passed("taken-over", "nobody else wrote"))
         self.note(passed("not-written", "what was written stood there"))
+
+    def _pv(self, picture: Picture) -> float:
+        return float(process_value_of(self.loop, picture))
+
+    def _mv(self, picture: Picture) -> float:
+        return float(output_of(self.loop, picture))
+
+    def _value(self, picture: Picture, operand: str) -> Any:
+        return decode(self.loop.controller.operand(operand).kind, picture.words[operand])
+
+    def _reach(self, limit: WriteLimit) -> tuple[float, float]:
+        """Where the manual value may go: within what may be written, and within the limits in force."""
+        assert limit.minimum is not None
+        assert limit.maximum is not None
+        limits = self.loop.controller.limits(self.pictures[-1].inputs)
+        bounds = sorted(float(value) for _, value in limits) if limits else [limit.minimum, limit.maximum]
+        return max(limit.minimum, bounds[0]), min(limit.maximum, bounds[1])
 
     async def look(self) -> Picture:
         """Take a picture, hold it against the envelope and against what we wrote."""
@@ -176,7 +201,7 @@ class _Test:
         return picture
 
     def _inside(self, picture: Picture) -> None:
-        bounds, pv = self.bounds, float(picture.inputs.pv)
+        bounds, pv = self.bounds, self._pv(picture)
         if not math.isfinite(pv) or not bounds.pv_low <= pv <= bounds.pv_high:
             raise LeftError(f"PV is {pv:g}, the envelope {bounds.pv_low:g}…{bounds.pv_high:g}")
         if picture.running is False:
@@ -186,7 +211,7 @@ class _Test:
         window_ns = max(SECOND, cycle_ns(self.loop, picture))
         earlier = next((each for each in reversed(self.pictures) if picture.last_ns - each.last_ns >= window_ns), None)
         if earlier is not None:
-            rate = abs(pv - float(earlier.inputs.pv)) / ((picture.last_ns - earlier.last_ns) / SECOND)
+            rate = abs(pv - self._pv(earlier)) / ((picture.last_ns - earlier.last_ns) / SECOND)
             if rate > bounds.pv_rate_max:
                 raise LeftError(f"PV moves by {rate:.3g} a second, the envelope allows {bounds.pv_rate_max:g}")
 
@@ -205,14 +230,12 @@ class _Test:
 
     async def _steps(self) -> None:
         """One step each way and back; does PV move, which way, does that fit PID_DIR?"""
-        base = float(self.pictures[-1].inputs.mout)
-        limit = self.loop.writes["MOUT"]
-        assert limit.minimum is not None
-        assert limit.maximum is not None
-        low, high = max(limit.minimum, _low(self.pictures[-1])), min(limit.maximum, _high(self.pictures[-1]))
+        base = float(self._value(self.pictures[-1], self.roles.mout))
+        limit = self.loop.writes[self.roles.mout]
+        low, high = self._reach(limit)
         sizes = [sign * self.bounds.step for sign in (1.0, -1.0) if low <= base + sign * self.bounds.step <= high]
         if not sizes:
-            text = f"MOUT is {base:g}, a step of {self.bounds.step:g} leaves {low:g}…{high:g} either way"
+            text = f"{self.roles.mout} is {base:g}, a step of {self.bounds.step:g} leaves {low:g}…{high:g} either way"
             for name in ("pv-does-not-answer", "wrong-direction"):
                 self.note(unclear(name, text))
             return
@@ -225,34 +248,32 @@ class _Test:
             answers.append((size, moved))
             if moved:
                 await self._watch(self.bounds.answer_ns)
-        self._judge(answers, bool(self.pictures[-1].inputs.pid_dir))
+        self._judge(answers, self.loop.controller.rises(self.pictures[-1].inputs))
 
     async def _write_mout(self, value: float) -> None:
-        wait_s = self.loop.writes["MOUT"].interval_s
+        wait_s = self.loop.writes[self.roles.mout].interval_s
         await self._watch(round(wait_s * SECOND))
-        await self.gate.write({"MOUT": value}, "step")
+        await self.gate.write({self.roles.mout: value}, "step")
 
     async def _answer(self, quiet: Sequence[Picture]) -> float:
         """Return by how much PV left its drift; 0 when it did not within the time given."""
         start_ns = quiet[0].last_ns
-        line = _drift([((each.last_ns - start_ns) / SECOND, float(each.inputs.pv)) for each in quiet])
+        line = _drift([((each.last_ns - start_ns) / SECOND, self._pv(each)) for each in quiet])
         ends_ns = self.clock.now_ns() + self.bounds.answer_ns
         run: list[float] = []
         while self.clock.now_ns() < ends_ns:
             await self.gate.pause(self._poll_ns)
             picture = await self.look()
             elapsed = (picture.last_ns - start_ns) / SECOND
-            away = float(picture.inputs.pv) - (line[0] + line[1] * elapsed)
+            away = self._pv(picture) - (line[0] + line[1] * elapsed)
             is_far = abs(away) > SIGNIFICANT * line[2]
             run = [*run, away] if is_far and (not run or (away > 0) == (run[-1] > 0)) else []
             if len(run) >= 3:
                 return run[-1]
         return 0.0
 
-    def _judge(self, answers: Sequence[tuple[float, float]], pid_dir: bool) -> None:
-        texts = [
-            f"MOUT {size:+g}: PV {moved:+.3g}" if moved else f"MOUT {size:+g}: PV still" for size, moved in answers
-        ]
+    def _judge(self, answers: Sequence[tuple[float, float]], wants_rise: bool) -> None:
+        texts = [f"{self.roles.mout} {size:+g}: PV {f'{moved:+.3g}' if moved else 'still'}" for size, moved in answers]
         text = ", ".join(texts)
         signs = {math.copysign(1.0, size * moved) for size, moved in answers if moved}
         if not signs:
@@ -260,27 +281,29 @@ class _Test:
             self.note(skipped("wrong-direction", "PV did not move"))
             return
         self.note(passed("pv-does-not-answer", text))
-        equation = "E = SV - PV" if pid_dir else "E = PV - SV"
+        equation = "E = SV - PV" if wants_rise else "E = PV - SV"
         if len(signs) > 1:
             self.note(unclear("wrong-direction", f"{text}: both ways at once, something else moved PV"))
             return
         rises = signs == {1.0}
         found = "rises" if rises else "falls"
-        said = f"PV {found} when MV rises, PID_DIR is {shown(pid_dir)} ({equation}); {text}"
-        self.note(judged("wrong-direction", rises is pid_dir, said))
+        said = f"PV {found} when MV rises, the loop works by {equation}; {text}"
+        self.note(judged("wrong-direction", rises is wants_rise, said))
 
     async def _clamps(self) -> None:
         """Move each limit to just beyond the present MV and see MV follow it, half a step at most."""
-        names = ("MV_MAX", "MV_MIN")
-        if any(name not in self.loop.writes for name in names):
-            self.note(skipped("clamp-ignored", "MV_MAX and MV_MIN are not on the list of what may be written"))
+        limits = self.loop.controller.limits(self.pictures[-1].inputs)
+        names = tuple(name for name, _ in reversed(limits)) if limits else ()
+        if len(set(names)) < 2 or any(name not in self.loop.writes for name in names):
+            listed = " and ".join(names) if len(set(names)) == 2 else "limits of its own"
+            self.note(skipped("clamp-ignored", f"{listed} are not on the list of what may be written"))
             return
         await self._settle()
         wrong, texts = [], []
-        for name, sign in (("MV_MAX", -1.0), ("MV_MIN", 1.0)):
+        for name, sign in zip(names, (-1.0, 1.0), strict=True):
             picture = self.pictures[-1]
-            found = getattr(picture.inputs, name.lower())
-            aim = float(picture.seen["MV"]) + sign * 0.5 * self.bounds.step
+            found = self._value(picture, name)
+            aim = self._mv(picture) + sign * 0.5 * self.bounds.step
             try:
                 plan = await self.gate.preview({name: aim})
             except StateError as error:
@@ -289,7 +312,7 @@ class _Test:
             wanted = plan.steps[0].items[0].new_value
             await self.gate.write({name: aim}, "clamp")
             await self._settle()
-            mv = self.pictures[-1].seen["MV"]
+            mv = output_of(self.loop, self.pictures[-1])
             texts.append(f"{name} {shown(wanted)}: MV {shown(mv)}")
             if mv != wanted:
                 wrong.append(name)
@@ -300,22 +323,14 @@ class _Test:
 
     async def _return(self, before: float) -> None:
         """Back to automatic: MV of the first executions against MV of before."""
-        held = float(self.pictures[-1].seen["MV"])
-        await self._watch(round(self.loop.writes["PID_MAN"].interval_s * SECOND))
-        await self.gate.write({"PID_MAN": False}, "back to automatic")
+        held = self._mv(self.pictures[-1])
+        await self._watch(round(self.loop.writes[self.roles.manual].interval_s * SECOND))
+        await self.gate.write({self.roles.manual: not self.roles.is_manual_when}, "back to automatic")
         seen = await self._watch(2 * cycle_ns(self.loop, self.pictures[-1]))
-        moved = max((float(each.seen["MV"]) for each in seen), key=lambda mv: abs(mv - held), default=held)
+        moved = max((self._mv(each) for each in seen), key=lambda mv: abs(mv - held), default=held)
         jump, allowed = abs(moved - held), self.bounds.step
         text = f"MV was {held:g} in manual and {moved:g} at the most behind the transfer, {before:g} at first"
         self.note(judged("bump", jump <= allowed, text, jump=round(jump, 6), allowed=allowed))
-
-
-def _low(picture: Picture) -> float:
-    return min(float(picture.inputs.mv_min), float(picture.inputs.mv_max))
-
-
-def _high(picture: Picture) -> float:
-    return max(float(picture.inputs.mv_min), float(picture.inputs.mv_max))
 
 
 def _drift(points: Sequence[tuple[float, float]]) -> tuple[float, float, float]:

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from ahgateway.core import dialect as delta_dialect
+from ahgateway.core.controllers import looks
 from ahgateway.core.operands import Kind, Operand
 from ahgateway.core.real import REAL
 
@@ -88,6 +89,9 @@ class Roles:
         mout: Operand with the manual value; empty when there is none.
         follows: Operand that lets `mout` follow the output in automatic while it is TRUE; empty when there is none.
         place: Operand whose place tells this block from all others: no two blocks can share it.
+        gains: Gains and times that no sense is negative in.
+        dead_band: Operand with the dead band; empty when there is none.
+        signals: Operands beside `pvs` that the process itself writes.
         together: Operands of which several in one write must land in one request.
     """
 
@@ -106,6 +110,9 @@ class Roles:
     mout: str = "MOUT"
     follows: str = "MOUT_AUTO"
     place: str = "I_MV"
+    gains: tuple[str, ...] = ("Kp", "Ki", "Kd", "Kc_Kp", "Ti_Ki", "Td_Kd", "Tf")
+    dead_band: str = "ERR_DBW"
+    signals: tuple[str, ...] = ()
     together: tuple[frozenset[str], ...] = (
         frozenset({"MV_MAX", "MV_MIN"}),
         frozenset({"Kp", "Ki", "Kd"}),
@@ -156,6 +163,10 @@ class Controller:
         used: Inputs with each process value that fits what the block published of it, from inputs and seen values by
             `attr`; None when the block publishes nothing of it.
         rejoin: Bounds of a state once it goes on from what is shown, by `attr`, where more is hidden than that.
+        limits: Lower and upper limit of the output as operand and value, from the inputs; None where none is in force.
+        rises: Tells from the inputs whether the output rises while the process value is below the setpoint.
+        service: Why the law does not move the output, from inputs and seen values by name; () when it does.
+        comes_back: Why the block would not be as found behind a manual time; empty when it would.
         veiled: Names of seen values that a state cannot predict, because what they come from is not known yet.
         veil: Keeps in the state after a step what was not known before it.
     """
@@ -180,6 +191,10 @@ class Controller:
     begin: Callable[[Any, Mapping[str, Any], Mapping[str, Any] | None, Any], tuple[tuple[Any, Any], ...]] | None = None
     used: Callable[[Any, Mapping[str, Any]], tuple[Any, ...]] | None = None
     rejoin: Callable[[Any, Mapping[str, Any]], tuple[Any, Any]] | None = None
+    limits: Callable[[Any], tuple[looks.Limit, looks.Limit] | None] = looks.delta_limits
+    rises: Callable[[Any], bool] = looks.delta_rises
+    service: Callable[[Any, Mapping[str, Any]], tuple[str, ...]] = looks.delta_service
+    comes_back: Callable[[Any, Mapping[str, Any]], str] = looks.comes_back
     veiled: Callable[[Any], frozenset[str]] = _nothing_veiled
     veil: Callable[[Any, Any], Any] = _not_veiled
 

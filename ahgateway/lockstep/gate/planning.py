@@ -61,6 +61,12 @@ def _steps(loop: Loop, station: Station, stage: Mapping[str, Any], words: Raw, p
     items = []
     roles = loop.controller.roles
     for name, value in stage.items():
+        stuck = loop.controller.comes_back(picture.inputs, picture.seen) if name == roles.manual else ""
+        if stuck:
+            raise StateError(
+                f"loop {loop.name}: behind a manual time it would not be as found: {stuck}",
+                hint="set the mode with the PLC's own tools first",
+            )
         in_automatic = name == roles.mout and not change.in_manual(roles, words)
         if in_automatic and change.follows_mv(roles, words):
             raise StateError(

@@ -250,7 +250,7 @@ async def test_killed_around_any_request_the_plc_alone_puts_everything_back(tmp_
     number = 0
     while True:
         number += 1
-        world = LeasedWorld(tmp_path / str(number), initial)
+        world = LeasedWorld(tmp_path / str(number), initial, scan_ms=20)
         found = world.holds(*NAMES)
         gate = world.gate(FailingLink(world.link, cut_at(number)))
         try:
@@ -262,7 +262,7 @@ async def test_killed_around_any_request_the_plc_alone_puts_everything_back(tmp_
             gate._close()
         else:
             break
-        world.later(5)
+        world.later(2.5)
         left = world.holds(*NAMES)
         if initial:  # MOUT follows MV in automatic
             left[4] = found[4] = 0
