@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,8 @@ from ahgateway.codec.access import Table
 from ahgateway.codec.devices import parse_device
 from ahgateway.codec.station import LeaseSpec, WriteLimit
 from ahgateway.errors import StateError
-from ahgateway.lockstep.gate.gate import Gate, identity
+from ahgateway.lockstep.gate.gate import Gate
+from ahgateway.lockstep.gate.place import journal_path
 
 FREE = WriteLimit(-1e6, 1e6, 1e6, 0.0)
 FLAG = WriteLimit(interval_s=0.0)
@@ -100,13 +102,11 @@ async def test_an_operator_takes_over_by_the_operands_of_the_mode(tmp_path, cont
     ("controller", "place"), [("MELSEC_PID", "MV"), ("PID_REG_CE", "Y"), ("PID_Temp", "PidOutputSum")]
 )
 def test_a_loop_is_told_from_all_others_by_the_place_of_its_output(tmp_path, controller: str, place: str) -> None:
-    from dataclasses import replace
-
     bench = Bench(controller, tmp_path)
     other = replace(bench.loop, name="renamed")
     moved = replace(bench.loop, bindings={**bench.loop.bindings, place: parse_device("D8000")})
-    assert identity(bench.station, bench.loop) == identity(bench.station, other)
-    assert identity(bench.station, bench.loop) != identity(bench.station, moved)
+    assert journal_path(tmp_path, bench.station, bench.loop) == journal_path(tmp_path, bench.station, other)
+    assert journal_path(tmp_path, bench.station, bench.loop) != journal_path(tmp_path, bench.station, moved)
 
 
 async def test_pid_temp_goes_to_manual_with_the_output_of_then(tmp_path) -> None:
