@@ -63,6 +63,7 @@ class Board:
         self.watches = {watch.loop.name: watch for watch in monitor.watches}
         self.events: deque[Report | Note] = deque(maxlen=EVENTS_MAX)
         self.event_count = 0
+        self.cut_count = 0
         self.changes: dict[str, dict[str, tuple[int, Change]]] = {name: {} for name in self.watches}
         self.frames = frames
         self._health: dict[str, tuple[int, Health | None]] = {}
@@ -83,6 +84,18 @@ class Board:
         note = Note(self.clock.utc_ns(), text)
         self._keep(note)
         return note
+
+    def cut(self, utc_ns: int) -> None:
+        """Forget what is newer than a moment, but for notes: a recording goes on from there."""
+        self.trails.cut(utc_ns / SECOND)
+        kept = [event for event in self.events if isinstance(event, Note) or event.utc_ns <= utc_ns]
+        if len(kept) < len(self.events):
+            self.events = deque(kept, maxlen=EVENTS_MAX)
+            self.cut_count += 1
+        for changes in self.changes.values():
+            for operand in [name for name, (when, _) in changes.items() if when > utc_ns]:
+                del changes[operand]
+        self._health.clear()
 
     def _keep(self, event: Report | Note) -> None:
         self.events.append(event)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections import defaultdict, deque
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from typing import Any
@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from ahgateway.apps.monitor import LinkChange, Monitor, Report, Sample
+from ahgateway.apps.player import Player
 from ahgateway.apps.record import JUDGING, verdict_text, versions
 from ahgateway.apps.report import as_json
 from ahgateway.clock import Clock
@@ -144,17 +145,47 @@ class Replay:
 
     def reports(self) -> Iterator[Report]:
         """Yield what happened, as it was reported then, picture by picture."""
+        for _, look in self.steps():
+            yield from look()
+
+    def steps(self, since_ns: int | None = None) -> Iterator[tuple[int, Callable[[], list[Report]]]]:
+        """Yield when each picture was whole, in monotonic ns, and what follows it and returns what it reports.
+
+        Args:
+            since_ns: Begin at the first picture from this UTC on; None for the whole recording.
+        """
         told = sorted(self.recording.events("link"), key=lambda event: event.utc_ns)
         at = 0
-        for row in self.recording.rows(set(self.followers)):
+        if since_ns is not None:
+            at = sum(event.utc_ns < since_ns for event in told)
+            self._skip_lost(since_ns)
+        last_ns = 0
+        for row in self.recording.rows(set(self.followers), since_ns):
+            if since_ns is not None and row.utc_ns < since_ns:
+                continue
+            last_ns = row.last_ns
             while at < len(told) and told[at].utc_ns <= row.utc_ns:
-                yield _link_report(told[at])
+                event = told[at]
+                yield last_ns, lambda event=event: [_link_report(event)]  # type: ignore[misc]
                 at += 1
-            yield from self.see(row)
+            yield last_ns, lambda row=row: self.see(row)  # type: ignore[misc]
         for name, marks in self._lost.items():
             while marks and name in self.followers:
                 self.followers[name].lost(marks.popleft()[1])
-        yield from map(_link_report, told[at:])
+        for event in told[at:]:
+            yield last_ns, lambda event=event: [_link_report(event)]  # type: ignore[misc]
+
+    def again(self) -> Replay:
+        """Return a replay of the same loops that has seen nothing yet."""
+        return Replay(self.recording, self.station, tuple(self.followers))
+
+    def _skip_lost(self, since_ns: int) -> None:
+        """What was lost with the link before a moment is not counted by whoever begins there."""
+        lost = [event for event in self.recording.events("link") if event.found["up"] and event.utc_ns < since_ns]
+        for event in lost:
+            for name, _, _ in event.found.get("lost", ()):
+                if self._lost[name]:
+                    self._lost[name].popleft()
 
     def see(self, row: Row) -> list[Report]:
         """Show one row to its loop's follower and return what follows."""
@@ -169,12 +200,28 @@ class Replay:
 
 
 class ReplayMonitor(Monitor):
-    """A monitor whose pictures come from a recording, at the recording's own times on the clock handed in."""
+    """A monitor whose pictures come from a recording, at the recording's own times on the clock handed in.
 
-    def __init__(self, replay: Replay, link: Link, clock: Clock) -> None:
+    With a player the recording can be paused and sought in, and stays open at its end until `stop` is set. What the run
+    claims is then what its best pass found: one that diverged before all others, else the one that followed most.
+    """
+
+    def __init__(self, replay: Replay, link: Link, clock: Clock, player: Player | None = None) -> None:
         super().__init__(
             replace(replay.station, loops=tuple(each.loop for each in replay.followers.values())), link, clock
         )
+        self.player = player
+        self.on_jump: Callable[[int], None] = lambda utc_ns: None
+        self._replay = replay
+        self._passes = [replay]
+        self._take(replay)
+
+    @property
+    def recording(self) -> Recording:
+        """What is played."""
+        return self._replay.recording
+
+    def _take(self, replay: Replay) -> None:
         self._replay = replay
         for watch in self.watches:
             watch.follower = replay.followers[watch.loop.name]
@@ -184,20 +231,56 @@ class ReplayMonitor(Monitor):
     ) -> AsyncIterator[Report]:
         """Yield what happened until the recording, the time or the patience of `stop` is over."""
         end_ns = None if duration_ns is None else self._started_ns + duration_ns
+        since_ns: int | None = None
         self.is_up = True
-        for report in self._replay.reports():
-            if stop is not None and stop.is_set():
-                return
-            if isinstance(report.event, Sample):
-                picture = report.event.picture
-                wait_ns = picture.last_ns - self._clock.now_ns()
-                if end_ns is not None and picture.last_ns >= end_ns:
+        if self.player is not None:
+            self.player.begin()
+        while True:
+            for due_ns, look in self._replay.steps(since_ns):
+                if end_ns is not None and due_ns >= end_ns:
                     return
-                if wait_ns > 0:
-                    await self._clock.sleep_ns(wait_ns)
-            if isinstance(report.event, LinkChange):
-                self.is_up = report.event.is_up
-            yield report
+                if not await self._reaches(due_ns, stop):
+                    break
+                for report in look():
+                    if isinstance(report.event, LinkChange):
+                        self.is_up = report.event.is_up
+                    yield report
+            if self.player is None or (stop is not None and stop.is_set()):
+                break
+            since_ns = self.player.jump()
+            if since_ns is None:
+                if not await self.player.rests(stop):
+                    break
+                since_ns = self.player.jump()
+            assert since_ns is not None
+            since_ns = self._begin(since_ns)
+        self._take(max(self._passes, key=_found))
+
+    async def _reaches(self, due_ns: int, stop: asyncio.Event | None) -> bool:
+        if self.player is not None:
+            return await self.player.reaches(due_ns, stop)
+        if stop is not None and stop.is_set():
+            return False
+        wait_ns = due_ns - self._clock.now_ns()
+        if wait_ns > 0:
+            await self._clock.sleep_ns(wait_ns)
+        return True
+
+    def _begin(self, now_ns: int) -> int:
+        """Begin a new pass at a moment of the clock and return it in UTC; the best pass so far is kept."""
+        utc_ns = now_ns + self._clock.utc_ns() - self._clock.now_ns()
+        fresh = self._replay.again()
+        self._passes = [max(self._passes, key=_found), fresh]
+        self._take(fresh)
+        self.is_up = True
+        self.on_jump(utc_ns)
+        return utc_ns
+
+
+def _found(replay: Replay) -> tuple[bool, int]:
+    """What a pass weighs: whether anything diverged, then how many executions were compared."""
+    counts = [follower.summary() for follower in replay.followers.values()]
+    return any(each.diverged for each in counts), sum(each.compared for each in counts)
 
 
 @dataclass(slots=True)

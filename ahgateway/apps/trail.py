@@ -78,6 +78,22 @@ class Trail:
         self._next = (self._next + 1) % self._times.size
         self._count = min(self._count + 1, self._times.size)
 
+    def ends(self) -> tuple[float, float] | None:
+        """Return the times of the oldest and the newest sample in s; None when there is none."""
+        if not self._count:
+            return None
+        size = self._times.size
+        return float(self._times[(self._next - self._count) % size]), float(self._times[(self._next - 1) % size])
+
+    def cut(self, t_s: float) -> None:
+        """Forget what is newer than a time, and mark that nothing is known from then on."""
+        newest = self._times[(self._next - 1 - np.arange(self._count)) % self._times.size]
+        newer = int(np.count_nonzero(newest > t_s))
+        self._next = (self._next - newer) % self._times.size
+        self._count -= newer
+        if self._count:
+            self.gap(t_s)
+
     def gap(self, t_s: float) -> None:
         """Mark that nothing is known from now on."""
         row = [float("nan")] * self._values.shape[1]
@@ -89,7 +105,8 @@ class Trail:
         order = (self._next - self._count + np.arange(self._count)) % self._times.size
         order = order[self._times[order] >= since_s]
         columns = self._values[order].astype(np.float64).T
-        return Trace(self._times[order], *columns[: len(COLUMNS)], columns[len(COLUMNS) :])
+        named = dict(zip(COLUMNS, columns[: len(COLUMNS)], strict=True))
+        return Trace(t_s=self._times[order], lanes=columns[len(COLUMNS) :], **named)
 
 
 class Trails:
@@ -125,6 +142,14 @@ class Trails:
                 self._ref_mv[report.loop] = float(reference_of(self._loops[report.loop], event.terms))
         elif isinstance(event, Sample):
             self._sample(report.loop, event.picture)
+
+    def cut(self, t_s: float) -> None:
+        """Forget what is newer than a time: a recording goes on from there."""
+        for trail in self.trails.values():
+            trail.cut(t_s)
+        self._ref_mv = dict.fromkeys(self._loops, float("nan"))
+        self._before = dict.fromkeys(self._loops)
+        self._kept_ns = dict.fromkeys(self._loops, 0)
 
     def _sample(self, name: str, picture: Picture) -> None:
         loop = self._loops[name]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ahgateway.cli.page import PORT, Page, Web, WebHost, WebPort
 from ahgateway.cli.tape import Keep, Record, Recorded, RecordFrames, RollHours, RollMb
 from ahgateway.cli.trace import Trace, traced
 from ahgateway.cli.view import Output, View
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from ahgateway.apps.board import Board
+    from ahgateway.apps.monitor import Monitor
     from ahgateway.codec.station import Station
     from ahgateway.transports.base import Frame, Tap
 
@@ -41,6 +43,9 @@ def monitor(
             metavar="PORT", help="Serve Prometheus metrics on 127.0.0.1; 0 takes a free port.", min=0, max=65535
         ),
     ] = None,
+    web: Web = False,
+    web_port: WebPort = PORT,
+    web_host: WebHost = "127.0.0.1",
     record: Record = None,
     record_frames: RecordFrames = False,
     roll_mb: RollMb = None,
@@ -55,9 +60,11 @@ def monitor(
     were compared and none diverged, 1 when one diverged, 3 when nothing could be compared or less than --coverage.
 
     With --record everything seen is kept in a file, for `ahgateway replay`. The target replay://FILE follows such a
-    recording instead of a PLC, as fast as it goes, or ?speed=1 times as fast as it was.
+    recording instead of a PLC: as fast as it goes, or ?speed=1 times as fast as it was. On the screen and with --web it
+    is played, ?speed=1 when nothing else is said, and stays open at its end; the screen's keys pause it and seek in it.
 
     Example: ahgateway monitor line3.toml --target modbus+tcp://192.0.2.10:502?unit=1 --duration 60
+    Example: ahgateway monitor line3.toml --web --record shift.ahrec
     """
     import asyncio
 
@@ -68,7 +75,8 @@ def monitor(
     station = resolved(loaded.station(), target)
     tape = Recorded(record, record_frames, roll_mb, roll_hours, keep, loaded.text)
     with traced(trace, station) as tap:
-        ran = _monitor(station, duration, output, coverage, tape, plain=plain, metrics=metrics, tap=tap)
+        page = Page(web, web_port, web_host)
+        ran = _monitor(station, duration, output, coverage, tape, page, plain=plain, metrics=metrics, tap=tap)
         raise typer.Exit(asyncio.run(ran))
 
 
@@ -78,6 +86,7 @@ async def _monitor(
     output: Output,
     coverage_min: float,
     tape: Recorded,
+    page: Page,
     *,
     plain: bool,
     metrics: int | None,
@@ -85,19 +94,24 @@ async def _monitor(
 ) -> int:
     from ahgateway.apps.board import Board
     from ahgateway.cli.interrupt import stop_event
+    from ahgateway.cli.page import paged
     from ahgateway.cli.run import Taps, followed
     from ahgateway.cli.tape import recorded
     from ahgateway.clock import SECOND
 
     duration_ns = None if duration_s is None else round(duration_s * SECOND)
     has_screen = output is Output.TEXT and not plain and sys.stdout.isatty() and sys.stdin.isatty()
+    is_shown = has_screen or page.is_on
     frames: deque[Frame] = deque(maxlen=FRAMES_MAX)
-    taps = Taps([each for each in (tap, frames.append if has_screen else None) if each is not None])
+    taps = Taps([each for each in (tap, frames.append if is_shown else None) if each is not None])
     async with (
-        followed(station, taps if has_screen or tape.frames or tap else None) as (watched, clock),
+        followed(station, taps if is_shown or tape.frames or tap else None, plays=is_shown and tape.path is None) as (
+            watched,
+            clock,
+        ),
         contextlib.AsyncExitStack() as stack,
     ):
-        board = Board(watched, clock, frames) if has_screen or metrics is not None else None
+        board = Board(watched, clock, frames) if is_shown or metrics is not None else None
         stop = stack.enter_context(stop_event())
         view = stack.enter_context(
             View(watched, clock, output, coverage_min, station.name, is_table=False, has_screen=has_screen)
@@ -105,8 +119,12 @@ async def _monitor(
         say = board.note if board is not None and has_screen else view.note
         sink = stack.enter_context(recorded(tape, station, clock, say))
         taps.more(sink.frame)
-        if board is not None and metrics is not None:
-            stack.enter_context(_metrics(board, metrics))
+        if board is not None:
+            _follow_jumps(watched, board)
+            if metrics is not None:
+                stack.enter_context(_metrics(board, metrics))
+            if page.is_on:
+                await stack.enter_async_context(paged(page, station, board, watched, lambda: sink.path, say))
         if board is not None and has_screen:
             from ahgateway.tui.app import MonitorApp, shown
 
@@ -118,6 +136,14 @@ async def _monitor(
             view.show(report)
             sink.take(report)
     return int(watched.outcome(coverage_min))
+
+
+def _follow_jumps(watched: Monitor, board: Board) -> None:
+    """When a recording is sought in, the board forgets what lies behind the place."""
+    from ahgateway.apps.replay import ReplayMonitor
+
+    if isinstance(watched, ReplayMonitor):
+        watched.on_jump = board.cut
 
 
 @contextlib.contextmanager

@@ -30,8 +30,13 @@ class Taps:
 
 
 @contextlib.asynccontextmanager
-async def followed(station: Station, tap: Tap | None = None) -> AsyncIterator[tuple[Monitor, Clock]]:
+async def followed(
+    station: Station, tap: Tap | None = None, *, plays: bool = False
+) -> AsyncIterator[tuple[Monitor, Clock]]:
     """Yield a monitor of the station's loops and the clock that it lives by.
+
+    A recording goes as fast as it can, or as its target says; one that `plays` has a player, goes at the speed of the
+    time and stays open at its end.
 
     Raises:
         ProfileError: The target is no legal URI.
@@ -48,13 +53,21 @@ async def followed(station: Station, tap: Tap | None = None) -> AsyncIterator[tu
         async with open_target(station, wall, tap) as link:
             yield Monitor(station, link, wall), wall
         return
+    from ahgateway.apps.player import Player
     from ahgateway.apps.replay import Replay, ReplayMonitor
     from ahgateway.recording.parts import opened
-    from ahgateway.transports.replay import ReplayLink
+    from ahgateway.transports.replay import RecordedClock, ReplayLink
 
     with opened(target.path) as recording:
-        clock = recorded_clock(recording, float(target.options["speed"]) if "speed" in target.options else None)
-        yield ReplayMonitor(Replay(recording, station), ReplayLink(recording, clock), clock), clock
+        speed = float(target.options["speed"]) if "speed" in target.options else (1.0 if plays else None)
+        clock = recorded_clock(recording, speed)
+        player = None
+        if plays and isinstance(clock, RecordedClock) and speed is not None:
+            _, _, last_utc_ns = recording.totals()
+            first_ns = clock.now_ns()
+            last_ns = first_ns if last_utc_ns is None else last_utc_ns - clock.utc_offset_ns
+            player = Player(clock, first_ns, last_ns, speed)
+        yield ReplayMonitor(Replay(recording, station), ReplayLink(recording, clock), clock, player), clock
 
 
 def recorded_clock(recording: Recording, speed: float | None) -> Clock:

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from ahgateway.apps.monitor import Report
     from ahgateway.apps.record import Tape
     from ahgateway.apps.witness import Witness
@@ -58,6 +60,12 @@ class Sink:
         """Keep what a person says of the run."""
         if self._tape is not None:
             self._tape.recorder.note(utc_ns, text)
+
+    @property
+    def path(self) -> Path | None:
+        """The first file that is still there; None when nothing is recorded."""
+        paths = self._tape.recorder.figures.paths if self._tape is not None else []
+        return paths[0] if paths else None
 
     @property
     def tap(self) -> Tap | None:

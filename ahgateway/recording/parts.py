@@ -67,20 +67,22 @@ class Parts(Recording):
         last = [end for _, _, end in each if end is not None]
         return sum(count for count, _, _ in each), min(first, default=None), max(last, default=None)
 
-    def rows(self, loops: set[str] | None = None) -> Iterator[Row]:
-        yield from super().rows(loops)
+    def rows(self, loops: set[str] | None = None, since_ns: int | None = None) -> Iterator[Row]:
+        yield from super().rows(loops, since_ns)
         for part in self.rest:
-            yield from part.rows(loops)
+            yield from part.rows(loops, since_ns)
 
-    def blocks(self, loop: str) -> Iterator[Block]:
-        yield from super().blocks(loop)
+    def blocks(self, loop: str, since_ns: int | None = None, until_ns: int | None = None) -> Iterator[Block]:
+        yield from super().blocks(loop, since_ns, until_ns)
         for part in self.rest:
-            yield from part.blocks(loop)
+            yield from part.blocks(loop, since_ns, until_ns)
 
-    def verdicts(self) -> Iterator[tuple[str, int, dict[str, Any]]]:
-        yield from super().verdicts()
+    def verdicts(
+        self, since_ns: int | None = None, until_ns: int | None = None
+    ) -> Iterator[tuple[str, int, dict[str, Any]]]:
+        yield from super().verdicts(since_ns, until_ns)
         for part in self.rest:
-            yield from part.verdicts()
+            yield from part.verdicts(since_ns, until_ns)
 
     def events(self, kind: str | None = None) -> Iterator[Event]:
         yield from super().events(kind)

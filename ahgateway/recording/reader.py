@@ -140,10 +140,16 @@ class Recording:
         count, first, last = rows[0]
         return int(count), first, last
 
-    def rows(self, loops: set[str] | None = None) -> Iterator[Row]:
-        """Yield every row in the order in which it was seen; `loops` keeps those of the named loops only."""
+    def rows(self, loops: set[str] | None = None, since_ns: int | None = None) -> Iterator[Row]:
+        """Yield every row in the order in which it was seen.
+
+        Args:
+            loops: Keeps those of the named loops only.
+            since_ns: UTC; whole seconds before it are not read, rows just before it may come.
+        """
         shapes = [layout.columns(loop) for loop in self.station.loops]
-        for (blob,) in self._each("SELECT words FROM seconds WHERE rows > 0 ORDER BY id"):
+        where, moments = _between(since_ns, None)
+        for (blob,) in self._each(f"SELECT words FROM seconds WHERE rows > 0{where} ORDER BY id", *moments):
             found: list[Row] = []
             for block in unpack(blob):
                 name = self.names[block.loop]
@@ -152,11 +158,16 @@ class Recording:
             found.sort(key=lambda row: row.last_ns)
             yield from found
 
-    def blocks(self, loop: str) -> Iterator[Block]:
-        """Yield the rows of one loop as columns, about a minute at a time."""
+    def blocks(self, loop: str, since_ns: int | None = None, until_ns: int | None = None) -> Iterator[Block]:
+        """Yield the rows of one loop as columns, about a minute at a time.
+
+        With moments in ns UTC only the seconds that touch them are read; their rows outside are not taken away.
+        """
         number = self.names.index(loop)
         waiting: list[Block] = []
-        for count, (blob,) in enumerate(self._each("SELECT words FROM seconds WHERE rows > 0 ORDER BY id"), 1):
+        where, moments = _between(since_ns, until_ns)
+        statement = f"SELECT words FROM seconds WHERE rows > 0{where} ORDER BY id"
+        for count, (blob,) in enumerate(self._each(statement, *moments), 1):
             waiting.extend(block for block in unpack(blob) if block.loop == number)
             if count % SECONDS_PER_BLOCK == 0 and waiting:
                 joined = concatenated(waiting)
@@ -167,10 +178,16 @@ class Recording:
         if joined is not None:
             yield joined
 
-    def verdicts(self) -> Iterator[tuple[str, int, dict[str, Any]]]:
-        """Yield (loop, tick, verdict as it was given then), second by second; terms are not in it."""
+    def verdicts(
+        self, since_ns: int | None = None, until_ns: int | None = None
+    ) -> Iterator[tuple[str, int, dict[str, Any]]]:
+        """Yield (loop, tick, verdict as it was given then), second by second; terms are not in it.
+
+        With moments in ns UTC only the seconds whose rows touch them are read.
+        """
         texts: dict[int, dict[str, Any]] = {}
-        for (blob,) in self._each("SELECT verdicts FROM seconds ORDER BY id"):
+        where, moments = _between(since_ns, until_ns)
+        for (blob,) in self._each(f"SELECT verdicts FROM seconds WHERE 1{where} ORDER BY id", *moments):
             for loop, tick, number in unpack_verdicts(blob):
                 if number not in texts:
                     rows = self._rows("SELECT json FROM verdicts WHERE id = ?", number)
@@ -255,6 +272,16 @@ class Recording:
 
 _CLOSING = ("closed_utc_ns", "dropped", "trouble")
 """Facts that are written when the run ends."""
+
+
+def _between(since_ns: int | None, until_ns: int | None) -> tuple[str, list[int]]:
+    """A condition for seconds whose rows reach into a time, and what it asks with; empty without moments."""
+    where, moments = "", []
+    if since_ns is not None:
+        where, moments = " AND last_utc_ns >= ?", [since_ns]
+    if until_ns is not None:
+        where, moments = f"{where} AND first_utc_ns <= ?", [*moments, until_ns]
+    return where, moments
 
 
 def _rows_of(name: str, shape: list[tuple[str, int]], block: Block) -> Iterator[Row]:

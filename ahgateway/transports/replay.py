@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ahgateway.clock import SECOND, Clock
+from ahgateway.clock import MILLISECOND, SECOND, Clock
 from ahgateway.codec import block
 from ahgateway.codec.access import Read, Request, Table
 from ahgateway.codec.devices import Device
@@ -19,10 +19,15 @@ from ahgateway.recording.reader import Recording, Row
 from ahgateway.transports.base import LinkFigures, Reply
 
 ILLEGAL_FUNCTION, ILLEGAL_ADDRESS = 1, 2
+SLICE_NS = 50 * MILLISECOND
 
 
 class RecordedClock:
-    """The clock of a recording: it starts when the recording starts and runs `speed` times as fast as `inner`."""
+    """The clock of a recording: it starts when the recording starts and runs `speed` times as fast as `inner`.
+
+    It can be stopped, made faster or slower, and set to another time; whoever sleeps on it wakes within `SLICE_NS` of
+    the inner clock to see that.
+    """
 
     def __init__(self, inner: Clock, start_ns: int, utc_start_ns: int, speed: float) -> None:
         if speed <= 0.0:
@@ -39,8 +44,33 @@ class RecordedClock:
     def utc_ns(self) -> int:
         return self.now_ns() + self._utc_offset_ns
 
+    @property
+    def utc_offset_ns(self) -> int:
+        """What its UTC is ahead of its monotonic time."""
+        return self._utc_offset_ns
+
+    def run(self, speed: float) -> None:
+        """Go on at another speed; 0 stands still."""
+        self.jump(self.now_ns())
+        self._speed = speed
+
+    def jump(self, now_ns: int) -> None:
+        """Stand at another time, earlier or later."""
+        self._start_ns, self._begun_ns = now_ns, self._inner.now_ns()
+
     async def sleep_ns(self, duration_ns: int) -> None:
-        await self._inner.sleep_ns(round(max(0, duration_ns) / self._speed))
+        """Return when so much of its time is over; it may have been set to another time meanwhile."""
+        due_ns = self.now_ns() + max(0, duration_ns)
+        while True:
+            left_ns = due_ns - self.now_ns()
+            wall_ns = SLICE_NS if self._speed <= 0.0 else round(max(0, left_ns) / self._speed)
+            await self._inner.sleep_ns(min(wall_ns, SLICE_NS))
+            if left_ns <= 0 or self.now_ns() >= due_ns:
+                return
+
+    async def slice(self) -> None:
+        """Let `SLICE_NS` of the inner clock pass."""
+        await self._inner.sleep_ns(SLICE_NS)
 
 
 class ReplayLink:

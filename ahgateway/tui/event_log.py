@@ -20,6 +20,7 @@ class EventLog(Vertical):
         super().__init__(id=id)
         self._board = board
         self._shown = 0
+        self._cuts = 0
 
     def compose(self) -> ComposeResult:
         """Filter and log."""
@@ -27,7 +28,11 @@ class EventLog(Vertical):
         yield RichLog(max_lines=2000, wrap=True, id="log-lines")
 
     def show(self) -> None:
-        """Add what is new."""
+        """Add what is new; begin again where a recording was sought in."""
+        if self._cuts != self._board.cut_count:
+            self._cuts = self._board.cut_count
+            self._again()
+            return
         new = self._board.event_count - self._shown
         if new <= 0:
             return
@@ -36,6 +41,9 @@ class EventLog(Vertical):
 
     def on_input_changed(self, _: Input.Changed) -> None:
         """Begin again with what the filter lets through."""
+        self._again()
+
+    def _again(self) -> None:
         self.query_one(RichLog).clear()
         self._shown = self._board.event_count
         self._write(list(self._board.events))
