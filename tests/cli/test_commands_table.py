@@ -17,6 +17,7 @@ ROOFS = {
     "interrupt",
     "main",
     "run",
+    "page",
     "tape",
     "targets",
     "trace",
