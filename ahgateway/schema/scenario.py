@@ -260,8 +260,13 @@ def parse(text: str, file: str, name: str) -> Scenario:
     Raises:
         ProfileError: The text is no TOML, or anything in it is wrong; all errors together.
     """
+    return made(files.tables(text, file), text, file, name)
+
+
+def made(tables: dict[str, Any], text: str, file: str, name: str) -> Scenario:
+    """Return the scenario of tables that have been read already; see `parse`."""
     findings = Findings(file)
-    form = _read(ScenarioForm, files.tables(text, file), findings)
+    form = _read(ScenarioForm, tables, findings)
     findings.raise_any()
     assert isinstance(form, ScenarioForm)
     controller = CONTROLLERS.get(form.instruction)

@@ -14,6 +14,7 @@ ROOFS = {
     "commands",
     "check_ground",
     "gate_place",
+    "pytest_plugin",
     "interrupt",
     "main",
     "run",

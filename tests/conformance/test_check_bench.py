@@ -1,0 +1,106 @@
+"""`check` on a PLC in real time: a process of its own behind a socket, and RTU on a pair of pseudo-terminals."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from conformance.peers import serial_pair
+
+from ahgateway.apps.check.live import LiveBench
+from ahgateway.apps.check.result import Verdict
+from ahgateway.apps.check.suite import results
+from ahgateway.clock import WallClock
+from ahgateway.fake.plc import FakePlc
+from ahgateway.fake.serve import until
+from ahgateway.schema.profile import load
+from ahgateway.schema.scenario import parse
+from ahgateway.transports.line import Line
+from ahgateway.transports.serial_link import SerialLink
+from ahgateway.transports.serial_server import serve_serial
+
+pytestmark = pytest.mark.slow
+
+AHGATEWAY = [sys.executable, "-m", "ahgateway.cli.main"]
+STEP = """
+title = "A step in real time"
+instruction = "DPIDE"
+duration = 5.0
+plant = { kind = "fopdt", gain = 1.2, tau_s = 1.0, dead_time_s = 0.1, bias = 10.0, noise = 0.02, initial = 50.0 }
+initial = { SV = 50.0, CYCLE = 400, Kc_Kp = 0.5, Ti_Ki = 0.6 }
+
+[[step]]
+at = 2.5
+set = { SV = 60.0 }
+
+[expect]
+clamps = true
+
+[[expect.response]]
+after = 2.5
+direction = "up"
+always = "PV < 80"
+"""
+
+
+def ahgateway(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run([*AHGATEWAY, *arguments], capture_output=True, text=True, timeout=60.0, check=False)
+
+
+@pytest.fixture
+def bench_plc() -> Iterator[str]:
+    """A PLC whose loops have no process, in a process of its own; gives its target."""
+    process = subprocess.Popen(
+        [*AHGATEWAY, "fake", "live_bench", "--tcp", "0"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout is not None
+        yield f"modbus+tcp://127.0.0.1:{int(process.stdout.readline())}?unit=1"
+    finally:
+        process.send_signal(signal.SIGTERM)
+        _, said = process.communicate(timeout=20)
+        assert process.returncode == 0, said
+
+
+def test_a_bench_behind_a_socket_is_driven_and_put_back(bench_plc: str, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "step.toml").write_text(STEP)
+    asked = ["--profile", "live_bench", "--target", bench_plc]
+    done = ahgateway("check", str(tmp_path / "mine"), *asked, "--arm", "--directory", str(tmp_path), "--output", "json")
+
+    told = [json.loads(line) for line in done.stdout.splitlines()]
+    assert ["bench", "scenario", "run"] == [each["kind"] for each in told], done.stdout + done.stderr
+    assert ("pass", 0, 0) == (told[1]["verdict"], told[2]["exit"], done.returncode), done.stdout + done.stderr
+    assert 20 <= told[1]["pace"]["steps"] <= 27
+    left = ahgateway("read", "live_bench", "--target", bench_plc, "--loop", "DPIDE")
+    found = {line.split()[1]: line.split()[3] for line in left.stdout.splitlines() if len(line.split()) > 3}
+    assert ("33.0", "30.0", "500", "1.25") == tuple(found[name] for name in ("SV", "PV", "CYCLE", "Kc_Kp"))
+
+
+async def test_a_bench_on_a_serial_line_is_driven_and_put_back(tmp_path: Path) -> None:
+    profile, clock, stop = load("live_bench"), WallClock(), asyncio.Event()
+    plc = FakePlc(profile.station(), profile.fake_setup())
+    async with serial_pair() as (plc_end, our_end):
+        server = await serve_serial(plc, Line(plc_end, 115200))
+        scanning = asyncio.ensure_future(until(stop, plc, clock))
+        link = SerialLink(Line(our_end, 115200), clock=clock)
+        try:
+            bench = LiveBench(profile.station(), link, clock, tmp_path)
+            result = await anext(results([parse(STEP, "step.toml", "mine/step")], bench, clock))
+        finally:
+            stop.set()
+            await scanning
+            await link.close()
+            await server.close()
+
+    assert Verdict.PASS is result.verdict, result.reason
+    assert ([33.0, 30.0, 500], 0) == (
+        [plc.read("DPIDE", name) for name in ("SV", "PV", "CYCLE")],
+        result.counts.diverged,
+    )
