@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from ahgateway.apps.report import number
+from ahgateway.core.real import REAL
 from ahgateway.errors import ProfileError
 from ahgateway.tuning.blocks import BLOCKS, Params
 from ahgateway.tuning.compare import Comparison, compare
@@ -67,6 +68,7 @@ def tune(
     dial: float = 0.5,
     kind: Kind | None = None,
     rules: tuple[Rule, ...] = RULES,
+    writable: frozenset[str] | None = None,
 ) -> Tuning:
     """Identify the process in a trace and propose gains for the loop.
 
@@ -77,6 +79,7 @@ def tune(
         dial: 0 cautious … 1 fast.
         kind: The model to take; None chooses.
         rules: Which rules.
+        writable: Operands that may be written where the gains go; None is all.
 
     Raises:
         ProfileError: The trace is too short or runs backwards, or a setting is not known.
@@ -87,14 +90,26 @@ def tune(
     if identified.fit is None or identified.is_refused:
         return Tuning(identified, None, dial, None, (), None, {}, identified.findings)
     model = identified.fit.model
-    loop = _loop(identified, instruction, full)
+    loop = replace(_loop(identified, instruction, full), writable=writable)
     found = proposals(model, loop, dial, rules)
     now = None
     if any(name in settings for name in ("Kp", "Kc_Kp")):
         now = evaluate("present", "what the loop holds now", present(loop), model, loop)
     again = _again(identified, loop, (*found, *((now,) if now else ())))
     findings = (*identified.findings, *_of_loop(model, loop, settings))
-    return Tuning(identified, loop, dial, now, found, recommended(found), again, findings)
+    return Tuning(identified, loop, dial, now, found, recommended(writable_ones(found, loop)), again, findings)
+
+
+def writable_ones(found: tuple[Proposal, ...], loop: LoopForm) -> tuple[Proposal, ...]:
+    """Return the proposals that change only what may be written."""
+    if loop.writable is None:
+        return found
+    now = BLOCKS[loop.instruction].settings(loop.settings)
+    return tuple(
+        each
+        for each in found
+        if all(name in loop.writable or REAL(value) == REAL(now[name]) for name, value in each.settings.items())
+    )
 
 
 def _loop(identified: Identification, instruction: str, settings: Params) -> LoopForm:
@@ -381,7 +396,9 @@ def _short(value: float) -> str:
 
 def _table(result: Tuning) -> list[str]:
     table = [list(HEADS), *rows(result)]
-    widths = [max(len(row[column]) for row in table) for column in range(len(HEADS))]
+    if not result.again:
+        table = [row[:-1] for row in table]
+    widths = [max(len(cell) for cell in column) for column in zip(*table, strict=True)]
     return [
         "  " + "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in table
     ]

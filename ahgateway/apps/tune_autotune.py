@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from ahgateway.apps.tune import Tuning, shown
+from ahgateway.apps.tune import Tuning, shown, writable_ones
 from ahgateway.tuning.blocks import BLOCKS, Params, Use
 from ahgateway.tuning.findings import Finding, Weight
 from ahgateway.tuning.propose import GAIN_NAMES, MS_WANTED, Proposal, evaluate, recommended
@@ -37,7 +37,10 @@ def judged(result: Tuning, before: Params, brought: Params) -> Tuning:
     own = evaluate(NAME, SOURCE, BLOCKS[loop.instruction].read(loop.settings | _gains(brought), Use()), fit.model, loop)
     proposals = (own, *result.found)
     return replace(
-        result, found=proposals, chosen=recommended(proposals), findings=(*result.findings, _said(own, text))
+        result,
+        found=proposals,
+        chosen=recommended(writable_ones(proposals, loop)),
+        findings=(*result.findings, _said(own, text)),
     )
 
 

@@ -6,14 +6,18 @@ The commands stand in the table of `cli/commands.py`.
 from __future__ import annotations
 
 import os
+import signal
 import sys
-from typing import Annotated
+import threading
+from typing import Annotated, Any
 
 import typer
 
 from ahgateway import __version__
 from ahgateway.cli.commands import LazyGroup
 from ahgateway.errors import AhGatewayError, PlcRefusedError, TransportError
+
+REPEAT_S = 0.1
 
 app = typer.Typer(
     cls=LazyGroup,
@@ -47,8 +51,20 @@ def exit_code(error: AhGatewayError) -> int:
     return 3 if isinstance(error, TransportError | PlcRefusedError) else 2
 
 
+def _ask_again(lost: Any) -> None:
+    """Repeat a Ctrl-C that fell into one of Python's own callbacks: it is dropped there, and the command would go on."""
+    if lost.exc_type is KeyboardInterrupt:
+        again = threading.Timer(REPEAT_S, signal.raise_signal, (signal.SIGINT,))
+        again.daemon = True
+        again.start()
+        return
+    sys.__unraisablehook__(lost)
+
+
 def main() -> None:
     """Run the command line; the entry point of the `ahgateway` script."""
+    if sys.unraisablehook is sys.__unraisablehook__:
+        sys.unraisablehook = _ask_again
     try:
         app()
     except AhGatewayError as error:

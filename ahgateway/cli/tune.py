@@ -99,8 +99,8 @@ def tune(
     typed = typed_settings(pairs(settings, "--set"))
     kind = _kind(model)
 
-    def judge(record: Record, name: str, known: Params) -> Tuning:
-        return tuned(record, name, known | typed, dial=dial, kind=kind)
+    def judge(record: Record, name: str, known: Params, writable: frozenset[str] | None = None) -> Tuning:
+        return tuned(record, name, known | typed, dial=dial, kind=kind, writable=writable)
 
     _check(source, experiment, apply, onto, repeat)
     if record_file is not None and experiment is None and apply is None:

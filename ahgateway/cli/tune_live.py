@@ -6,6 +6,7 @@ import asyncio
 import math
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -16,7 +17,7 @@ from ahgateway.cli.tape import Recorded, one_loop, recorded
 
 if TYPE_CHECKING:
     from ahgateway.apps.tune import Tuning
-    from ahgateway.apps.tune_session import Gains, Judge, Live, Session
+    from ahgateway.apps.tune_session import Gains, Live, Session
     from ahgateway.apps.tune_sitting import Envelope
     from ahgateway.codec.station import Loop, Station
     from ahgateway.tuning.record import Record
@@ -50,7 +51,7 @@ class Asked:
     bias: float = 0.25
 
 
-def excited(asked: Asked, directory: Path | None, judge: Judge) -> Live:
+def excited(asked: Asked, directory: Path | None, judge: Callable[..., Tuning]) -> Live:
     """Carry out the experiments, judge each, and try the gains that were asked for.
 
     Raises:
@@ -72,9 +73,14 @@ def excited(asked: Asked, directory: Path | None, judge: Judge) -> Live:
             f"{bounds.mv[0]:g}…{bounds.mv[1]:g}, {bounds.time_s:g} s at most: nothing was sent",
             hint=f"--arm {loop.name} does it",
         )
-    gains = _gains(asked)
+    gains, within = _gains(asked), partial(judge, writable=frozenset(loop.writes))
     live = _at_the_loop(
-        station, loop, bounds, directory, tape, lambda session: session.excited(wanted, judge, asked.repeat, gains)
+        station,
+        loop,
+        bounds,
+        directory,
+        tape,
+        lambda session: session.excited(wanted, within, asked.repeat, gains),
     )
     if asked.save is not None and live.record is not None:
         _saved(asked.save, live.record)

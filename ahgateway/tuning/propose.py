@@ -39,6 +39,7 @@ class LoopForm:
         sv_step: Size of the setpoint step that is predicted, in PV.
         load_step: Size of the load step that is predicted, in MV.
         dialect: How this PLC discretises.
+        writable: Operands that may be written; None where nobody said, and then all.
     """
 
     instruction: str
@@ -47,6 +48,7 @@ class LoopForm:
     sv_step: float
     load_step: float
     dialect: Dialect = DEFAULT
+    writable: frozenset[str] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +99,7 @@ def proposals(model: Model, loop: LoopForm, dial: float = 0.5, rules: tuple[Rule
         rules: Which rules.
     """
     now = present(loop)
+    may_choose = loop.instruction == "DPIDE" and (loop.writable is None or "PID_DE" in loop.writable)
     out = []
     for rule in rules:
         gains = apply(rule, model, now.ts_s, dial)
@@ -105,7 +108,7 @@ def proposals(model: Model, loop: LoopForm, dial: float = 0.5, rules: tuple[Rule
         filter_s = gains.td_s / FILTER_SHARE if loop.instruction == "DPIDE" else 0.0
         wanted = replace(
             standard(gains.kc, gains.ti_s, gains.td_s, tf_s=filter_s),
-            c=0.0 if gains.td_s > 0.0 and loop.instruction == "DPIDE" else now.c,
+            c=0.0 if gains.td_s > 0.0 and may_choose else now.c,
             sign=action(model, loop), ts_s=now.ts_s, umin=now.umin, umax=now.umax, bias=now.bias,
             band=now.band, band_kind=now.band_kind,
         )  # fmt: skip

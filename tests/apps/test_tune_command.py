@@ -131,3 +131,15 @@ def test_migrate_proves_what_it_converts(tmp_path):
 def test_migrate_ends_with_its_verdict(arguments, code, verdict):
     done = CliRunner().invoke(app, ["migrate", *arguments, "--output", "json"])
     assert (code, verdict) == (done.exit_code, json.loads(done.stdout)["verdict"])
+
+
+def test_what_may_not_be_written_is_not_recommended():
+    """D of PV is PID_DE; where that stands fixed, D acts on E, and where Td does, a PI rule is recommended."""
+    record = doublet(MODEL)
+    pid = tuple(rule for rule in RULES if rule.name in ("SIMC PI", "AMIGO PID"))
+    free = tune(record, "DPIDE", NOW, rules=pid)
+    assert ("AMIGO PID", True) == (free.chosen.name, free.chosen.settings["PID_DE"])
+    fixed = tune(record, "DPIDE", NOW, rules=pid, writable=frozenset({"Kc_Kp", "Ti_Ki", "Td_Kd", "Tf"}))
+    assert all("PID_DE" not in each.settings for each in fixed.found)
+    least = tune(record, "DPIDE", NOW, rules=pid, writable=frozenset({"Kc_Kp", "Ti_Ki"}))
+    assert "SIMC PI" == least.chosen.name
