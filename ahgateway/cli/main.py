@@ -52,7 +52,7 @@ def exit_code(error: AhGatewayError) -> int:
 
 
 def _ask_again(lost: Any) -> None:
-    """Repeat a Ctrl-C that fell into one of Python's own callbacks: it is dropped there, and the command would go on."""
+    """Repeat a Ctrl-C that fell into a callback of Python's own: it is dropped there, and the command would go on."""
     if lost.exc_type is KeyboardInterrupt:
         again = threading.Timer(REPEAT_S, signal.raise_signal, (signal.SIGINT,))
         again.daemon = True
