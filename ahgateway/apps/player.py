@@ -43,9 +43,9 @@ class Player:
         return self._clock.now_ns() if self._to_ns is None else self._to_ns
 
     @property
-    def utc_ns(self) -> int:
-        """Where it stands, UTC."""
-        return self.now_ns + self._clock.utc_offset_ns
+    def first_utc_ns(self) -> int:
+        """Where the recording begins, UTC."""
+        return self.first_ns + self._clock.utc_offset_ns
 
     def text(self) -> str:
         """One line of what it does, understandable without colour."""
@@ -80,6 +80,10 @@ class Player:
         self._jumps = True
         self.is_over = False
         self._run()
+
+    def seek_utc(self, utc_ns: int) -> None:
+        """Go to a moment in UTC."""
+        self.seek(utc_ns - self._clock.utc_offset_ns)
 
     def skip(self, duration_ns: int) -> None:
         """Go on or back by so much from where it stands."""

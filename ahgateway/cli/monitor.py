@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from ahgateway.apps.board import Board
     from ahgateway.apps.monitor import Monitor
+    from ahgateway.apps.player import Player
     from ahgateway.codec.station import Station
     from ahgateway.transports.base import Frame, Tap
 
@@ -119,8 +120,8 @@ async def _monitor(
         say = board.note if board is not None and has_screen else view.note
         sink = stack.enter_context(recorded(tape, station, clock, say))
         taps.more(sink.frame)
+        player = _played(watched, board)
         if board is not None:
-            _follow_jumps(watched, board)
             if metrics is not None:
                 stack.enter_context(_metrics(board, metrics))
             if page.is_on:
@@ -128,7 +129,9 @@ async def _monitor(
         if board is not None and has_screen:
             from ahgateway.tui.app import MonitorApp, shown
 
-            screen = MonitorApp(board, station.name, on_note=lambda note: sink.note(note.utc_ns, note.text))
+            screen = MonitorApp(
+                board, station.name, on_note=lambda note: sink.note(note.utc_ns, note.text), player=player
+            )
             await stack.enter_async_context(shown(screen, stop))
         async for report in watched.reports(duration_ns=duration_ns, stop=stop):
             if board is not None:
@@ -138,12 +141,15 @@ async def _monitor(
     return int(watched.outcome(coverage_min))
 
 
-def _follow_jumps(watched: Monitor, board: Board) -> None:
-    """When a recording is sought in, the board forgets what lies behind the place."""
+def _played(watched: Monitor, board: Board | None) -> Player | None:
+    """Return the player of a recording; when it is sought in, the board forgets what lies behind the place."""
     from ahgateway.apps.replay import ReplayMonitor
 
-    if isinstance(watched, ReplayMonitor):
+    if not isinstance(watched, ReplayMonitor):
+        return None
+    if board is not None:
         watched.on_jump = board.cut
+    return watched.player
 
 
 @contextlib.contextmanager

@@ -19,8 +19,10 @@ from textual.widgets import Footer, Input, TabbedContent, TabPane
 
 from ahgateway.apps.board import Board, Note
 from ahgateway.apps.lines import clock_time
+from ahgateway.apps.moments import moment_ns
+from ahgateway.apps.player import Player
 from ahgateway.clock import SECOND
-from ahgateway.errors import StateError
+from ahgateway.errors import ProfileError, StateError
 from ahgateway.tui.event_log import EventLog
 from ahgateway.tui.health_panel import health_lines
 from ahgateway.tui.lines_panel import Line, LinesPanel, plain
@@ -32,6 +34,8 @@ from ahgateway.tui.terms_panel import terms_lines
 from ahgateway.tui.trend import SPANS_S, Trend
 
 REDRAWS_PER_SECOND = 8
+PLAYING = frozenset({"pause", "skip", "speed", "go"})
+"""Actions that only a recording has."""
 BREAKPOINTS = ((0, "-narrow"), (132, "-wide"))
 """From so many columns on, the loop page stands in two columns."""
 
@@ -68,6 +72,14 @@ class MonitorApp(App[None]):
         Binding("n", "note", "note"),
         Binding("m", "mark", "marker"),
         Binding("a", "plain", "ASCII"),
+        Binding("space", "pause", "pause", priority=True),
+        Binding("left", "skip(-10)", "10 s back", key_display="←", priority=True),
+        Binding("right", "skip(10)", "on", key_display="→", priority=True),
+        Binding("shift+left", "skip(-60)", show=False, priority=True),
+        Binding("shift+right", "skip(60)", show=False, priority=True),
+        Binding("less_than_sign,comma", "speed(-1)", "slower", key_display="<"),
+        Binding("greater_than_sign,full_stop", "speed(1)", "faster", key_display=">"),
+        Binding("g", "go", "go to"),
         Binding("q,ctrl+c", "quit", "quit", key_display="q"),
     ]
 
@@ -77,6 +89,7 @@ class MonitorApp(App[None]):
         title: str,
         *,
         on_note: Callable[[Note], None] | None = None,
+        player: Player | None = None,
         is_ticking: bool = True,
     ) -> None:
         """Make the screen.
@@ -85,6 +98,7 @@ class MonitorApp(App[None]):
             board: What is shown.
             title: What the station is called.
             on_note: Is told every note and marker, to keep them.
+            player: Plays the recording that is shown; None for a live run.
             is_ticking: False when the caller redraws.
         """
         super().__init__()
@@ -92,6 +106,7 @@ class MonitorApp(App[None]):
         self._board = board
         self._title = title
         self._on_note = on_note
+        self._player = player
         self._is_ticking = is_ticking
         self._names = list(board.watches)
         self._chosen = self._names[0]
@@ -163,6 +178,8 @@ class MonitorApp(App[None]):
             parts.append(f"{stale} STALE")
         parts.append(f"{diverged} DIVERGED" if diverged else "none diverged")
         parts.append(clock_time(self._board.clock.utc_ns()).partition(".")[0] + "Z")
+        if self._player is not None:
+            parts.append(self._player.text())
         alarm = not monitor.is_up or diverged or stale
         return (("  │  ".join(parts), "bold reverse" if alarm else ""),)
 
@@ -231,7 +248,45 @@ class MonitorApp(App[None]):
 
     def action_note(self) -> None:
         """Ask for a note."""
-        self.push_screen(NoteBox(), lambda text: self._keep(text) if text else None)
+        self.push_screen(NoteBox("note, Enter keeps it"), lambda text: self._keep(text) if text else None)
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Keys of the player are there with a player only, and never while somebody writes."""
+        if action not in PLAYING:
+            return True
+        return self._player is not None and not isinstance(self.focused, Input)
+
+    def action_pause(self) -> None:
+        """Let the recording stand, or go on."""
+        if self._player is not None:
+            self._player.pause()
+            self.redraw()
+
+    def action_speed(self, steps: int) -> None:
+        """Play the recording faster or slower."""
+        if self._player is not None:
+            self._player.faster(steps)
+            self.redraw()
+
+    def action_skip(self, seconds: int) -> None:
+        """Go on or back in the recording."""
+        if self._player is not None:
+            self._player.skip(seconds * SECOND)
+            self.redraw()
+
+    def action_go(self) -> None:
+        """Ask for a moment of the recording."""
+        self.push_screen(NoteBox("go to: seconds from the start, or UTC 2026-11-22T03:04:05"), self._go)
+
+    def _go(self, text: str | None) -> None:
+        player = self._player
+        if not text or player is None:
+            return
+        try:
+            player.seek_utc(moment_ns(text, "go to", player.first_utc_ns))
+        except ProfileError as error:
+            self.notify(f"{error.message}; {error.hint}", severity="error")
+        self.redraw()
 
     def _keep(self, text: str) -> None:
         note = self._board.note(text)

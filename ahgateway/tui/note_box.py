@@ -1,4 +1,4 @@
-"""Asks for one line of text: a note with the time at which it was begun."""
+"""Asks for one line of text: a note, or a moment to go to."""
 
 from __future__ import annotations
 
@@ -20,9 +20,13 @@ class NoteBox(ModalScreen[str]):
     """
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "give_up", "give up")]
 
+    def __init__(self, label: str) -> None:
+        super().__init__()
+        self._label = label
+
     def compose(self) -> ComposeResult:
         """Label and line."""
-        yield Label("note (Enter keeps it, Escape gives up)")
+        yield Label(f"{self._label}; Escape gives up")
         yield Input(max_length=500)
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
