@@ -1,4 +1,8 @@
-"""Ctrl-C, SIGTERM and the closing console as one asyncio event; the only module that touches signals."""
+"""Ctrl-C, SIGTERM and the closing console as one asyncio event; the only module that touches signals.
+
+Windows ends a process as soon as its handler of a closing console has returned, and Python's own handler only makes a
+note for the main thread. So ours stops the work and keeps Windows waiting, for as long as Windows allows.
+"""
 
 from __future__ import annotations
 
@@ -6,8 +10,9 @@ import asyncio
 import contextlib
 import os
 import signal
+import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import FrameType
 
 GONE = ("SIGHUP", "SIGBREAK")
@@ -17,6 +22,48 @@ GRACE_S = 5.0
 """So long a command may take to put things back and close its files once the terminal is gone."""
 
 INCONCLUSIVE = 3
+CLOSING = frozenset({2, 5, 6})
+"""MANUAL CTRL_CLOSE_EVENT, CTRL_LOGOFF_EVENT, CTRL_SHUTDOWN_EVENT (Windows, HandlerRoutine callback)."""
+
+
+def closing_handler(stop: Callable[[], None], wait: Callable[[float], object]) -> Callable[[int], bool]:
+    """Return what Windows calls, in a thread of its own, when something happens to the console.
+
+    Args:
+        stop: Ends the work in good order.
+        wait: Waits so many seconds; the process ends by itself before, when the work is done.
+    """
+
+    def handle(kind: int) -> bool:
+        if kind not in CLOSING:
+            return False  # Ctrl-C and Ctrl-Break are Python's
+        stop()
+        wait(GRACE_S)
+        return True
+
+    return handle
+
+
+if sys.platform == "win32":
+
+    @contextlib.contextmanager
+    def _console(stop: Callable[[], None]) -> Iterator[None]:
+        import ctypes
+        import time
+
+        routine = ctypes.WINFUNCTYPE(ctypes.c_int, ctypes.c_uint)(closing_handler(stop, time.sleep))
+        kernel = ctypes.windll.kernel32
+        kernel.SetConsoleCtrlHandler(routine, 1)
+        try:
+            yield
+        finally:
+            kernel.SetConsoleCtrlHandler(routine, 0)
+
+else:
+
+    @contextlib.contextmanager
+    def _console(stop: Callable[[], None]) -> Iterator[None]:
+        yield
 
 
 @contextlib.contextmanager
@@ -30,7 +77,7 @@ def stop_event() -> Iterator[asyncio.Event]:
     gone = {getattr(signal, name) for name in GONE if hasattr(signal, name)}
 
     def on_signal(number: int, frame: FrameType | None) -> None:
-        loop.call_soon_threadsafe(event.set)
+        _set(loop, event)
         if number in gone and not last_resort.is_alive():
             last_resort.start()
         signal.signal(number, signal.default_int_handler if number == signal.SIGINT else signal.SIG_DFL)
@@ -41,8 +88,14 @@ def stop_event() -> Iterator[asyncio.Event]:
         with contextlib.suppress(ValueError, OSError):
             previous[number] = signal.signal(number, on_signal)
     try:
-        yield event
+        with _console(lambda: _set(loop, event)):
+            yield event
     finally:
         last_resort.cancel()
         for number, handler in previous.items():
             signal.signal(number, handler)  # type: ignore[arg-type]
+
+
+def _set(loop: asyncio.AbstractEventLoop, event: asyncio.Event) -> None:
+    with contextlib.suppress(RuntimeError):  # the loop has ended, and the work with it
+        loop.call_soon_threadsafe(event.set)
