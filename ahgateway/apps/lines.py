@@ -10,12 +10,13 @@ import numpy as np
 from ahgateway.apps.monitor import LinkChange, Monitor, Report
 from ahgateway.apps.report import hexadecimal, number
 from ahgateway.clock import MILLISECOND, SECOND
+from ahgateway.codec.ways import Way
 from ahgateway.core import flags
 from ahgateway.core.controllers.pid_reg_ce import PHASES
 from ahgateway.core.real import ulp_distance
 from ahgateway.core.verdict import Verdict, reason
 from ahgateway.lockstep.cause_pages import code_of
-from ahgateway.lockstep.events import Change, Finding
+from ahgateway.lockstep.events import Change, Finding, Lost
 from ahgateway.lockstep.follow import Follower, output_of, process_value_of, target_of, verdict_now
 from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.suspects import Blame
@@ -50,6 +51,9 @@ def event_line(report: Report) -> str | None:
         state = "over" if event.is_over else "finding"
         hint = f" (hint: {event.hint})" if event.hint and not event.is_over else ""
         return f"{where} {state} {event.name}: {event.text}{hint}"
+    if isinstance(event, Lost):
+        records = f"{event.records} records" if event.records else "no record"
+        return f"{where} lost {records}, about {event.executions:.0f} executions: {event.why}"
     if isinstance(event, LinkChange):
         return f"{where} up" if event.is_up else f"{where} down: {event.cause}"
     return None
@@ -67,8 +71,8 @@ def blame_text(blame: Blame) -> str:
     )
 
 
-def status_line(follower: Follower, utc_ns: int, now_ns: int) -> str:
-    """One loop as it stands now."""
+def status_line(follower: Follower, utc_ns: int, now_ns: int, way: Way | None = None) -> str:
+    """One loop as it stands now, and how its executions are seen."""
     picture, loop = follower.picture, follower.loop
     name = loop.name
     if picture is None:
@@ -81,7 +85,7 @@ def status_line(follower: Follower, utc_ns: int, now_ns: int) -> str:
         f"SV {shown(target_of(loop, picture))} PV {shown(process_value_of(loop, picture))} "
         f"MV {shown(output_of(loop, picture))} "
         f"{terms_text(follower)} proven {counts.proven} of {counts.total} ({counts.coverage:.1%}) "
-        f"diverged {counts.diverged} age {age_s:.2f} s"
+        f"diverged {counts.diverged} way {(way or loop.way).value} age {age_s:.2f} s"
     )
 
 
@@ -136,7 +140,7 @@ def summary_lines(monitor: Monitor, coverage_min: float) -> list[str]:
             f"{watch.loop.name}: {reason(counts, coverage_min)}; informative {counts.informative}, "
             f"trivial {counts.trivial}, ulp {counts.ulp}, tolerance {counts.tolerance}, diverged {counts.diverged}, "
             f"unobservable {counts.unobservable}, lost with the link {counts.link}, "
-            f"torn pictures {watch.sampler.torn_count}"
+            f"torn pictures {watch.sampler.torn_count}; way {watch.way(monitor.station).value}"
         )
         if watch.refused:
             lines.append(f"{watch.loop.name}: {watch.refused}")

@@ -7,21 +7,23 @@ the line. When the link breaks, what was missed is counted, never guessed.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass
 
 from ahgateway.clock import MILLISECOND, SECOND, Clock
 from ahgateway.codec.station import Loop, Station
+from ahgateway.codec.ways import Way
 from ahgateway.core.verdict import Counts, Exit, run_outcome
 from ahgateway.errors import CodecError, PlcRefusedError, TransportError
-from ahgateway.lockstep.events import Finding
+from ahgateway.lockstep.events import Finding, Lost
 from ahgateway.lockstep.follow import Event, Follower, cycle_ns
-from ahgateway.lockstep.picture import Picture, Sampler
+from ahgateway.lockstep.gate.gate import Gate
+from ahgateway.lockstep.picture import POLL_MIN_NS, Picture
+from ahgateway.lockstep.source import source
 from ahgateway.transports.base import Link
 
-POLLS_PER_CYCLE = 4
-POLL_MIN_NS = 5 * MILLISECOND
-POLL_MAX_NS = SECOND
+SMOOTHING = 4
+"""One look counts for so much less than all before it."""
 RETRY_NS = 200 * MILLISECOND
 REFUSED_RETRY_NS = 2 * SECOND
 TORN_MAX = 3
@@ -67,13 +69,22 @@ class Report:
 class Watch:
     """One loop under observation."""
 
-    def __init__(self, loop: Loop, station: Station, link: Link, clock: Clock) -> None:
+    def __init__(self, loop: Loop, station: Station, link: Link, clock: Clock, gate: Gate | None = None) -> None:
         self.loop = loop
         self.follower = Follower(loop)
-        self.sampler = Sampler(loop, station, link, clock)
+        self.sampler = source(loop, station, link, clock, gate=gate)
         self.due_ns = clock.now_ns()
         self.refused = ""
         self.torn_in_a_row = 0
+        self.looked_ns = 0
+        self._last_ns: int | None = None
+
+    def saw(self, picture: Picture) -> None:
+        """Note how long ago the picture before was, as a running mean."""
+        if self._last_ns is not None:
+            apart_ns = picture.last_ns - self._last_ns
+            self.looked_ns += (apart_ns - self.looked_ns) // SMOOTHING if self.looked_ns else apart_ns
+        self._last_ns = picture.last_ns
 
     def poll_ns(self, station: Station) -> int:
         """How long to wait between two pictures of this loop."""
@@ -82,21 +93,33 @@ class Watch:
         picture = self.follower.picture
         if picture is None:
             return POLL_MIN_NS
-        return min(max(cycle_ns(self.loop, picture) // POLLS_PER_CYCLE, POLL_MIN_NS), POLL_MAX_NS)
+        return self.sampler.poll_ns(cycle_ns(self.loop, picture))
+
+    def way(self, station: Station) -> Way:
+        """How this loop's executions are seen now; to poll more rarely than CYCLE is to count."""
+        picture, before = self.follower.picture, self.looked_ns
+        if self.loop.way is not Way.POLLED or picture is None:
+            return self.loop.way
+        apart_ns = max(self.poll_ns(station), before)
+        return Way.COUNTED if apart_ns >= cycle_ns(self.loop, picture) else Way.POLLED
 
 
 class Monitor:
     """Every loop of a station, followed over one link."""
 
-    def __init__(self, station: Station, link: Link, clock: Clock) -> None:
+    def __init__(self, station: Station, link: Link, clock: Clock, gates: Mapping[str, Gate] | None = None) -> None:
         self.station = station
         self.link = link
-        self.watches = [Watch(loop, station, link, clock) for loop in station.loops]
+        self.watches = [Watch(loop, station, link, clock, (gates or {}).get(loop.name)) for loop in station.loops]
         self.is_up = False
         self._clock = clock
         self._started_ns = clock.now_ns()
         self._down_since_ns: int | None = None
         self._reported_down = False
+
+    def way(self, loop: str) -> Way:
+        """How the loop's executions are seen now."""
+        return next(watch for watch in self.watches if watch.loop.name == loop).way(self.station)
 
     def summaries(self) -> dict[str, Counts]:
         """Counts of every loop by name, unseen executions included."""
@@ -138,7 +161,7 @@ class Monitor:
         """Take one picture of one loop and schedule the next."""
         started_ns = self._clock.now_ns()
         try:
-            picture = await watch.sampler.picture()
+            found = await watch.sampler.pictures()
         except TransportError as error:
             reports = self._link_down(error)
             never = not self.link.figures.replies
@@ -152,14 +175,25 @@ class Monitor:
         reports = self._link_up()
         if watch.refused:
             watch.refused = ""
-        reports += self._torn(watch, picture is None)
-        if picture is not None:
-            reports += [
-                Report(picture.utc_ns, watch.loop.name, picture.tick, event) for event in watch.follower.see(picture)
-            ]
-            reports.append(Report(picture.utc_ns, watch.loop.name, picture.tick, Sample(picture)))
+        reports += self._torn(watch, not found and watch.loop.way is not Way.RECORDED)
+        for each in found:
+            reports += self._seen(watch, each)
         watch.due_ns = max(started_ns + watch.poll_ns(self.station), self._clock.now_ns())
         return reports
+
+    def _seen(self, watch: Watch, found: Picture | Lost) -> list[Report]:
+        """Show the follower what was seen, and report what it makes of it."""
+        last = watch.follower.picture
+        events = watch.follower.take(found)
+        if isinstance(found, Picture):
+            watch.saw(found)
+            utc_ns, tick = found.utc_ns, found.tick
+            return [
+                *(Report(utc_ns, watch.loop.name, tick, event) for event in events),
+                Report(utc_ns, watch.loop.name, tick, Sample(found)),
+            ]
+        tick = last.tick if last is not None else 0
+        return [Report(self._clock.utc_ns(), watch.loop.name, tick, event) for event in events]
 
     def _torn(self, watch: Watch, is_torn: bool) -> list[Report]:
         """Say it when no picture succeeds any more: the line is too slow for this loop's CYCLE."""
@@ -195,11 +229,14 @@ class Monitor:
         return [] if was_up and not lost else [Report(self._clock.utc_ns(), "", 0, LinkChange(True, "", lost))]
 
     def _count_lost(self) -> tuple[tuple[str, int, float], ...]:
-        """Count what each loop must have executed since its last picture as lost with the link; say it loop by loop."""
+        """Count what each loop must have executed since its last picture as lost with the link; say it loop by loop.
+
+        What a recorder keeps is not lost with the link; its ring tells what was overwritten.
+        """
         found = []
         for watch in self.watches:
             last = watch.follower.picture
-            if last is not None:
+            if last is not None and watch.loop.way is not Way.RECORDED:
                 executions = (self._clock.now_ns() - last.last_ns) / cycle_ns(watch.loop, last)
                 watch.follower.lost(executions)
                 found.append((watch.loop.name, last.tick, executions))

@@ -23,11 +23,13 @@ from ahgateway.apps.report import as_json
 from ahgateway.clock import Clock
 from ahgateway.codec import block
 from ahgateway.codec.station import Loop, Station, Tolerance
+from ahgateway.codec.ways import Way
 from ahgateway.core.real import REAL
 from ahgateway.errors import StateError
 from ahgateway.lockstep.follow import Follower
 from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.picture import Picture
+from ahgateway.lockstep.source import executions_told
 from ahgateway.recording.reader import Event, Recording, Row
 from ahgateway.recording.station_text import dialect_from, dialect_json
 from ahgateway.transports.base import Link
@@ -78,17 +80,20 @@ def judges(recording: Recording) -> Judges:
 
 def picture_of(loop: Loop, row: Row) -> Picture:
     """Return the picture that was recorded as this row, bit for bit."""
+    enabled = bool(row.words[block.EN][0]) if block.EN in row.words else None
     return Picture(
         tick=row.tick,
         inputs=block.inputs(loop, row.words),
         seen=block.seen(loop, row.words),
         words=row.words,
-        enabled=bool(row.words[block.EN][0]) if block.EN in row.words else None,
+        enabled=None if loop.way is Way.STEPPED else enabled,
         running=row.running,
         sent_ns=row.sent_ns,
         last_ns=row.last_ns,
         utc_ns=row.utc_ns,
         aligned_since_ns=row.aligned_since_ns,
+        executions=executions_told(loop, enabled=enabled),
+        is_exact=loop.way is Way.RECORDED,
     )
 
 
@@ -199,6 +204,11 @@ class Replay:
         return reports
 
 
+def as_polled(loop: Loop) -> Loop:
+    """Return the loop as something that nothing needs to be armed for: a recording is only read."""
+    return replace(loop, way=Way.POLLED)
+
+
 class ReplayMonitor(Monitor):
     """A monitor whose pictures come from a recording, at the recording's own times on the clock handed in.
 
@@ -208,7 +218,9 @@ class ReplayMonitor(Monitor):
 
     def __init__(self, replay: Replay, link: Link, clock: Clock, player: Player | None = None) -> None:
         super().__init__(
-            replace(replay.station, loops=tuple(each.loop for each in replay.followers.values())), link, clock
+            replace(replay.station, loops=tuple(as_polled(each.loop) for each in replay.followers.values())),
+            link,
+            clock,
         )
         self.player = player
         self.on_jump: Callable[[int], None] = lambda utc_ns: None
@@ -225,6 +237,7 @@ class ReplayMonitor(Monitor):
         self._replay = replay
         for watch in self.watches:
             watch.follower = replay.followers[watch.loop.name]
+            watch.loop = watch.follower.loop
 
     async def reports(
         self, *, duration_ns: int | None = None, stop: asyncio.Event | None = None
@@ -384,4 +397,6 @@ def _lost_marks(recording: Recording) -> defaultdict[str, deque[tuple[int, float
     for event in recording.events("link"):
         for loop, tick, executions in event.found.get("lost", ()):
             found[loop].append((tick, executions))
-    return found
+    for event in recording.events("lost"):
+        found[event.loop].append((event.tick, event.found["executions"]))
+    return defaultdict(deque, {loop: deque(sorted(marks)) for loop, marks in found.items()})

@@ -17,7 +17,7 @@ from ahgateway.core import flags
 from ahgateway.core.real import REAL, bits
 from ahgateway.core.verdict import Counts, outcome, reason
 from ahgateway.lockstep.cause_pages import code_of
-from ahgateway.lockstep.events import Change, Finding
+from ahgateway.lockstep.events import Change, Finding, Lost
 from ahgateway.lockstep.follow import Follower
 from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.suspects import Estimate, Suspect
@@ -59,6 +59,8 @@ def as_json(report: Report) -> Json | None:
         return head | {
             "kind": "finding", "name": event.name, "text": event.text, "hint": event.hint, "over": event.is_over,
         }  # fmt: skip
+    if isinstance(event, Lost):
+        return head | {"kind": "lost", "executions": event.executions, "records": event.records, "why": event.why}
     assert isinstance(event, LinkChange)
     return head | {"kind": "link", "up": event.is_up, "cause": event.cause}
 
@@ -127,6 +129,7 @@ def summary_json(monitor: Monitor, follower: Follower, utc_ns: int, coverage_min
         "loop": follower.loop.name,
         "tick": picture.tick if picture else 0,
         "kind": "summary",
+        "way": monitor.way(follower.loop.name).value,
         "counts": counts_json(counts),
         "coverage": coverage_json(counts),
         "verdict": outcome(counts, coverage_min).name,

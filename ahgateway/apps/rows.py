@@ -35,6 +35,7 @@ class LoopRow:
         word: Its verdict, or why there is none.
         values: SV, PV, MV as text; `-` before the first picture.
         mode: auto, manual, tuning, off; `-` before the first picture.
+        way: How its executions are seen.
         age_ns: Of the values; None before the first picture.
         is_stale: The values are old: they must not look live.
         health: The worst figure of its health in a few words.
@@ -47,6 +48,7 @@ class LoopRow:
     counts: Counts
     values: tuple[str, str, str]
     mode: str
+    way: str
     age_ns: int | None
     is_stale: bool
     health: str
@@ -68,6 +70,7 @@ def loop_row(board: Board, watch: Watch) -> LoopRow:
         watch.follower.summary(),
         values,
         mode,
+        watch.way(board.monitor.station).value,
         fresh.age_ns,
         fresh.is_stale,
         label(board.known_health(loop.name)),

@@ -119,7 +119,8 @@ class View:
         if isinstance(report.event, Sample) and report.utc_ns - self._status_ns.get(report.loop, 0) >= SECOND:
             self._status_ns[report.loop] = report.utc_ns
             follower = next(watch.follower for watch in self._monitor.watches if watch.loop.name == report.loop)
-            typer.echo(status_line(follower, report.utc_ns, self._clock.now_ns()))
+            way = self._monitor.way(report.loop)
+            typer.echo(status_line(follower, report.utc_ns, self._clock.now_ns(), way))
 
 
 def print_json(found: dict[str, object]) -> None:

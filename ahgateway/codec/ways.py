@@ -72,10 +72,12 @@ class Recorder:
         head: Word with the number, from 0, of the slot that is written next.
         fields: What stands where in a record, by the name of the operand, of the seen value (`I_MV+6`), or `EN`.
         sequence: Offset of the record's number; it grows by one from record to record.
-        sequence_words: Words of that number, 1 or 2; it wraps there.
+        sequence_words: Words of that number, 1 or 2.
+        sequence_range: It begins at 0 again behind this number less one; None: where its words end.
         sequence_end: Offset of the same number at the record's end; None where the program writes only one.
         time: Offset of the PLC's time; None where a record has none.
-        time_words: Words of that time, 1 or 2; it wraps there.
+        time_words: Words of that time, 1 or 2.
+        time_range: It begins at 0 again behind this number less one; None: where its words end.
         time_unit_ns: Unit of that time.
         first: Bit that is set in the first record behind STOP or power-up; None where nothing tells.
         each: What makes a record.
@@ -90,9 +92,11 @@ class Recorder:
     fields: Mapping[str, Place]
     sequence: int = 0
     sequence_words: int = 1
+    sequence_range: int | None = None
     sequence_end: int | None = None
     time: int | None = None
     time_words: int = 2
+    time_range: int | None = None
     time_unit_ns: int = 1_000_000
     first: Place | None = None
     each: Each = Each.SCAN
@@ -102,7 +106,12 @@ class Recorder:
     @property
     def sequences(self) -> int:
         """How many numbers there are before they begin again."""
-        return 1 << 16 * self.sequence_words
+        return self.sequence_range or 1 << 16 * self.sequence_words
+
+    @property
+    def times(self) -> int:
+        """How many times there are, in their unit, before they begin again."""
+        return self.time_range or 1 << 16 * self.time_words
 
     @property
     def words(self) -> int:

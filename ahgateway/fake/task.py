@@ -2,8 +2,8 @@
 
 In the cyclic task the instruction is called once in each scan; in an interval task once in each period, some of which
 may end in one scan. Behind the call come, in this order, the trigger, which closes the instruction's contact again,
-and the recorder. Both have nothing that the program of a real PLC lacks: operands, the time of the scan, SM402, and
-their own words.
+and the recorder. Both have nothing that the program of a real PLC lacks: operands, SM402, a word that an interval task
+counts up for the time, and their own words.
 """
 
 from __future__ import annotations
@@ -20,8 +20,6 @@ from ahgateway.fake.program import PidItem
 from ahgateway.fake.wiring import Wiring
 
 WORD = 0xFFFF
-SCAN_CLOCK_NS = 100_000
-"""The program sees the time of a scan in units of 0.1 ms (spec ah500 §3.6, as the remote rack counts it)."""
 
 
 def is_plain(loop: Loop) -> bool:
@@ -139,8 +137,7 @@ class RecorderItem:
         if layout.first is not None and is_first:
             _put(body, layout.first, (1,))
         if layout.time is not None:
-            time = self._gathered_ns // SCAN_CLOCK_NS * SCAN_CLOCK_NS // layout.time_unit_ns
-            _number(body, layout.time, layout.time_words, time)
+            _number(body, layout.time, layout.time_words, self._gathered_ns // layout.time_unit_ns % layout.times)
         self._sequence = (self._sequence + 1) % layout.sequences
         _number(body, layout.sequence, layout.sequence_words, self._sequence)
         if layout.sequence_end is not None:

@@ -18,7 +18,7 @@ import numpy as np
 
 from ahgateway.clock import MILLISECOND, SECOND
 from ahgateway.codec.station import Loop
-from ahgateway.codec.ways import COUNTS
+from ahgateway.codec.ways import COUNTS, Each
 from ahgateway.core.real import same_bits
 from ahgateway.core.verdict import Counts, Verdict
 from ahgateway.lockstep.call_shadow import changed as changed_beside_calls
@@ -183,6 +183,9 @@ class Follower:
         return self._set(STALE_PV, not same_bits(used, held), detail)
 
     def _execution(self, before: Picture, after: Picture) -> Execution:
+        if after.is_exact and is_at_changes(self.loop):
+            # Executions that changed nothing made no record.
+            self._shadow = lingered(self.loop, self._shadow, before, before, self._by_time(before, after))
         least, most = counts_between(before, after) or (1, self._executions_max(before, after))
         possible = max(1, least), max(1, most)
         execution, self._shadow = counted(self.loop, self._shadow, before, after, possible, self.suspects)
@@ -335,6 +338,11 @@ def counts_between(before: Picture, after: Picture) -> tuple[int, int] | None:
         return None
     executions = (after.count - before.count) % COUNTS
     return executions, executions
+
+
+def is_at_changes(loop: Loop) -> bool:
+    """Tell whether the PLC records the loop only when a word has changed."""
+    return loop.recorder is not None and loop.recorder.each is Each.CHANGE
 
 
 def is_called(picture: Picture) -> bool:

@@ -110,7 +110,7 @@ class Ring:
         self._last: Record | None = None
         self._beside: dict[str, tuple[int, ...]] | None = None
         self._doubtful = 0
-        self._time = _Time(self._layout)
+        self._time = _Time(loop, self._layout)
         self._drained_ns = clock.now_ns()
         self._silent_since_ns: int | None = None
         self._is_silent = False
@@ -169,13 +169,14 @@ class Ring:
             return await self._unmoved()
         found: list[Record | Lost | Reply] = []
         expected = (self._last.sequence + 1) % layout.sequences
+        first, left = self._next, 0
         if self.full_share > FULL_SHARE:
             left = count - layout.records // 2
-            found.append(Lost(self._executions(left), left, OVERRUN))
-            self.lost_count += left
-            self._next, count = (self._next + left) % layout.records, count - left
+            first, count = (first + left) % layout.records, count - left
             expected = (expected + left) % layout.sequences
-        read, overtaken = await self._slots(self._next, count, expected)
+        read, overtaken = await self._slots(first, count, expected)
+        if left:
+            found.append(self._lost(left, OVERRUN))
         found += read
         if overtaken is not None:
             found.append(self._lost(overtaken, OVERRUN))
@@ -295,18 +296,19 @@ class Ring:
         words = block.from_fields(self.loop, each.fields, self._beside or {})
         earliest_ns, latest_ns = self._time.of(each, self._drained_ns, reply.last_ns)
         tick, self._tick = self._tick, self._tick + 1
+        enabled = bool(words[block.EN][0]) if block.EN in words else None
         picture = Picture(
             tick=tick,
             inputs=block.inputs(self.loop, words),
             seen=block.seen(self.loop, words),
             words=words,
-            enabled=bool(words[block.EN][0]) if block.EN in words else None,
+            enabled=enabled,
             running=True,
             sent_ns=earliest_ns,
             last_ns=latest_ns,
             utc_ns=self._clock.utc_ns() - (self._clock.now_ns() - latest_ns),
             aligned_since_ns=reply.aligned_since_ns,
-            executions=executions_in(self.loop),
+            executions=executions_in(self.loop, enabled=enabled),
             is_exact=True,
         )
         if self._sees is not None:
@@ -314,8 +316,10 @@ class Ring:
         return picture
 
 
-def executions_in(loop: Loop) -> tuple[int, int]:
-    """Least and most executions from one record to the next."""
+def executions_in(loop: Loop, *, enabled: bool | None) -> tuple[int, int]:
+    """Least and most executions from one record to the next, whose contact EN is as given."""
+    if enabled is False:
+        return 0, 0
     return (1, 1) if loop.is_called else (0, 1)
 
 
@@ -343,9 +347,17 @@ def _raw(image: block.Image, span: Span, station: Station, loop: Loop, name: str
 class _Time:
     """The PLC's time of a record on our clock."""
 
-    def __init__(self, layout: Recorder) -> None:
+    def __init__(self, loop: Loop, layout: Recorder) -> None:
         self.record_ns = 0
-        self._range_ns = layout.time_unit_ns << 16 * layout.time_words
+        self._is_sparse = layout.each is Each.CHANGE
+        self._is_bounding = True
+        self._taken_ns = 0
+        if loop.is_called and loop.interval_ms is not None:
+            # Each record is one period further, which no clock of the program can tell better.
+            self._unit_ns, ticks, self._is_counting = loop.interval_ms * MILLISECOND, layout.sequences, True
+        else:
+            self._unit_ns, ticks, self._is_counting = layout.time_unit_ns, layout.times, False
+        self._range_ns = self._unit_ns * ticks
         self._last_raw_ns: int | None = None
         self._plc_ns = 0
         self._origin_ns: int | None = None
@@ -353,11 +365,17 @@ class _Time:
 
     def drained(self, found: list[Record | Lost | Reply], now_ns: int) -> None:
         """Take in the records of one drain; the newest of them was made about now."""
-        records = [(each.sequence, each.time_ns) for each in found if isinstance(each, Record)]
-        timed = [(sequence, time_ns) for sequence, time_ns in records if time_ns is not None]
+        records = [each for each in found if isinstance(each, Record)]
+        raw = [
+            (each.sequence, each.sequence * self._unit_ns if self._is_counting else each.time_ns) for each in records
+        ]
+        timed = [(sequence, time_ns) for sequence, time_ns in raw if time_ns is not None]
         self._times = {}
         if not timed:
             return
+        # Where records are made at changes alone, the time may have begun anew any number of times between two.
+        self._is_bounding = not self._is_sparse or now_ns - self._taken_ns < self._range_ns
+        self._taken_ns = now_ns
         started_ns = self._plc_ns
         for sequence, time_ns in timed:
             if self._last_raw_ns is not None:
@@ -374,8 +392,9 @@ class _Time:
             self._origin_ns = seen_ns
 
     def of(self, each: Record, earliest_ns: int, latest_ns: int) -> tuple[int, int]:
-        """Earliest and latest moment at which the record can have been made; one where its time is known."""
-        if self._origin_ns is None or each.sequence not in self._times:
+        """Earliest and latest moment at which the record can have been made."""
+        if self._origin_ns is None or each.sequence not in self._times or not self._is_bounding:
             return earliest_ns, latest_ns
         moment_ns = self._origin_ns + self._times[each.sequence]
-        return moment_ns, moment_ns
+        until_ns = moment_ns + (0 if self._is_counting else self._unit_ns)
+        return moment_ns, max(moment_ns, min(until_ns, latest_ns))

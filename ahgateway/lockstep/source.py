@@ -10,8 +10,8 @@ from ahgateway.codec.ways import Way
 from ahgateway.lockstep.events import Lost
 from ahgateway.lockstep.gate.gate import Gate
 from ahgateway.lockstep.picture import Picture, Sampler, Sees
-from ahgateway.lockstep.ring import Ring
-from ahgateway.lockstep.stepper import stepper
+from ahgateway.lockstep.ring import Ring, executions_in
+from ahgateway.lockstep.stepper import executions_triggered, stepper
 from ahgateway.transports.base import Link
 
 
@@ -32,6 +32,13 @@ class Source(Protocol):
 
     def poll_ns(self, cycle_ns: int) -> int:
         """How long to wait between two looks at a loop with this CYCLE."""
+
+
+def executions_told(loop: Loop, *, enabled: bool | None) -> tuple[int, int] | None:
+    """Least and most executions between two pictures that followed each other in the loop's way; None: time tells."""
+    if loop.way is Way.RECORDED:
+        return executions_in(loop, enabled=enabled)
+    return executions_triggered(loop, 1) if loop.way is Way.STEPPED else None
 
 
 def source(

@@ -64,14 +64,15 @@ class Stepper:
         picture = await self._sampler.picture()
         if picture is None:
             return [Lost(float(counted), 0, "the picture behind a triggered execution was torn")]
-        return [replace(picture, executions=self._executions(counted), enabled=None)]
+        return [replace(picture, executions=executions_triggered(self._loop, counted), enabled=None)]
 
-    def _executions(self, counted: int) -> tuple[int, int]:
-        """Least and most executions in so many triggers; one that changes no word is not told from none."""
-        if self._loop.interval_ms is not None:
-            return counted, counted
-        is_early = getattr(self._loop.dialect, "en_off_time", EnOffTime.STANDS) == EnOffTime.RUNS
-        return 0, counted * PER_TRIGGER if is_early else counted
+
+def executions_triggered(loop: Loop, counted: int) -> tuple[int, int]:
+    """Least and most executions in so many triggers; one that changes no word is not told from none."""
+    if loop.interval_ms is not None:
+        return counted, counted
+    is_early = getattr(loop.dialect, "en_off_time", EnOffTime.STANDS) == EnOffTime.RUNS
+    return 0, counted * PER_TRIGGER if is_early else counted
 
 
 def stepper(

@@ -15,12 +15,18 @@ from ahgateway.codec.access import Span, Table
 from ahgateway.codec.can_objects import CanMap, CanObject, Pdo, Sync
 from ahgateway.codec.devices import DeviceMap, DeviceRange, parse_device
 from ahgateway.codec.station import Binding, Const, Loop, Pacing, Station, Tolerance, WriteLimit
+from ahgateway.codec.ways import Each, Place, Recorder, Trigger, Way
 from ahgateway.core.controllers import CONTROLLERS, Controller
 from ahgateway.errors import CodecError
 
 Json = dict[str, Any]
 
 _LOOP_PLAIN = ("scan_ms_max", "pv_unit", "mv_unit")
+_TRIGGER = ("coil", "counter")
+_RECORDER_PLAIN = (
+    "records", "length", "sequence", "sequence_words", "sequence_range", "sequence_end", "time", "time_words",
+    "time_range", "time_unit_ns", "is_last",
+)  # fmt: skip
 _PACING = tuple(field.name for field in fields(Pacing))
 _LIMIT = tuple(field.name for field in fields(WriteLimit))
 _RANGE_PLAIN = ("kind", "first", "last", "base", "stride", "confidence", "writable", "octal", "operands")
@@ -131,6 +137,11 @@ def _loop_json(loop: Loop) -> Json:
         "counter": str(loop.counter) if loop.counter else None,
         "pv_held": loop.pv_held,
         "shared": sorted(loop.shared),
+        "interval_ms": loop.interval_ms,
+        "pv_rate_max": loop.pv_rate_max,
+        "way": loop.way.value,
+        "recorder": _recorder_json(loop.recorder) if loop.recorder else None,
+        "trigger": {name: str(getattr(loop.trigger, name)) for name in _TRIGGER} if loop.trigger else None,
         "writes": {operand: asdict(limit) for operand, limit in loop.writes.items()},
         **{name: getattr(loop, name) for name in _LOOP_PLAIN},
     }
@@ -159,12 +170,46 @@ def _loop_from(row: Json) -> Loop:
         counter=parse_device(row["counter"]) if row.get("counter") else None,
         pv_held=row.get("pv_held"),
         shared=frozenset(row.get("shared", ())),
+        interval_ms=row.get("interval_ms"),
+        pv_rate_max=row.get("pv_rate_max"),
+        way=Way(row.get("way", Way.POLLED.value)),
+        recorder=_recorder_from(row["recorder"]) if row.get("recorder") else None,
+        trigger=Trigger(*(parse_device(row["trigger"][name]) for name in _TRIGGER)) if row.get("trigger") else None,
         writes={
             operand: WriteLimit(**{name: value for name, value in limit.items() if name in _LIMIT})
             for operand, limit in row.get("writes", {}).items()
         },
         **{field: row[field] for field in _LOOP_PLAIN},
     )
+
+
+def _recorder_json(recorder: Recorder) -> Json:
+    return {
+        "ring": str(recorder.ring),
+        "head": str(recorder.head),
+        "each": recorder.each.value,
+        "unrecorded": sorted(recorder.unrecorded),
+        "first": str(recorder.first) if recorder.first else None,
+        "fields": {name: str(place) for name, place in recorder.fields.items()},
+        **{name: getattr(recorder, name) for name in _RECORDER_PLAIN},
+    }
+
+
+def _recorder_from(text: Json) -> Recorder:
+    return Recorder(
+        ring=parse_device(text["ring"]),
+        head=parse_device(text["head"]),
+        each=Each(text["each"]),
+        unrecorded=frozenset(text["unrecorded"]),
+        first=_place_from(text["first"]) if text["first"] else None,
+        fields={name: _place_from(place) for name, place in text["fields"].items()},
+        **{name: text[name] for name in _RECORDER_PLAIN},
+    )
+
+
+def _place_from(text: str) -> Place:
+    offset, dot, bit = text.partition(".")
+    return Place(int(offset), int(bit) if dot else None)
 
 
 def _pacing_from(text: Json) -> Pacing:

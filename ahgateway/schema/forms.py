@@ -179,6 +179,40 @@ class LeaseForm(Form):
     task_ms: int = Field(default=100, ge=1, le=1000, description="period of the interval task with the snippet")
 
 
+class TriggerForm(Form):
+    """What lets one execution through at a time, on a bench."""
+
+    coil: str = Field(description="coil that is the contact EN: we set it, the program clears it behind the execution")
+    counter: str = Field(description="word that the program counts up at each execution that the coil let through")
+
+
+class RecorderForm(Form):
+    """The ring in which the PLC records the loop; without `fields` that of `plc-code recorder`."""
+
+    ring: str = Field(description="first word of the ring")
+    records: int = Field(default=64, ge=4, le=4096, description="records in the ring")
+    head: str = Field(description="word with the slot that is written next, from 0; our snippet takes two more")
+    each: Literal["scan", "call", "change"] = Field(
+        default="scan",
+        description="what makes a record: a scan, a call in an interval task, a scan that changed a word",
+    )
+    unrecorded: list[str] = Field(default_factory=list, description="operands that no record holds")
+    length: int | None = Field(default=None, ge=2, le=125, description="words of a record")
+    fields: dict[str, int | str] | None = Field(
+        default=None, description='operand to its first word in the record, or its bit, "3.0"'
+    )
+    sequence: int = Field(default=0, ge=0, description="word of the record's number")
+    sequence_words: Literal[1, 2] = Field(default=1, description="words of that number")
+    sequence_range: int | None = Field(default=None, ge=8, description="it begins at 0 again here; else with its words")
+    sequence_end: int | None = Field(default=None, ge=0, description="word of the same number at the record's end")
+    time: int | None = Field(default=None, ge=0, description="word of the PLC's time")
+    time_words: Literal[1, 2] = Field(default=2, description="words of that time")
+    time_range: int | None = Field(default=None, ge=8, description="it begins at 0 again here; else with its words")
+    time_unit: Literal["1 us", "0.1 ms", "1 ms", "10 ms", "100 ms"] = Field(default="1 ms", description="its unit")
+    first: str | None = Field(default=None, description="bit that is set in the first record behind STOP")
+    head_is: Literal["next", "last"] = Field(default="next", description="slot that the head names")
+
+
 class LoopForm(Form):
     """One PID instruction of the PLC program."""
 
@@ -203,6 +237,17 @@ class LoopForm(Form):
     write: dict[str, WriteForm] = Field(
         default_factory=dict, description="operand to what may be written; nothing else ever is"
     )
+    interval_ms: int | None = Field(
+        default=None, ge=1, le=40_000, description="period of the interval task in which the instruction stands"
+    )
+    pv_rate_max: float | None = Field(
+        default=None, ge=0, description="most that PV can move per second; 0 where only we move it"
+    )
+    way: Literal["recorded", "polled"] | None = Field(
+        default=None, description="how executions are seen; without it recorded where there is a recorder"
+    )
+    recorder: RecorderForm | None = Field(default=None, description="the PLC records its scans or calls")
+    trigger: TriggerForm | None = Field(default=None, description="executions are let through one at a time")
     lease: LeaseForm | None = Field(default=None, description="the PLC puts the loop back when we vanish")
     fake: FakeForm = Field(default_factory=FakeForm)
 

@@ -28,6 +28,7 @@ from ahgateway.schema.forms import FakeForm, LoopForm, ProfileForm, RangesForm, 
 from ahgateway.schema.leases import with_leases
 from ahgateway.schema.overlap import shared
 from ahgateway.schema.plant import plant_spec
+from ahgateway.schema.recorders import with_recorders
 from ahgateway.schema.writes import with_writes
 
 SCHEMES = (
@@ -165,7 +166,7 @@ def _profile(form: ProfileForm, text: str, file: str, beside: Path | None, findi
         Pacing(**form.station.pacing.model_dump()),
     )
     station = with_leases(with_writes(station, form, bounds, findings), form, findings)
-    station = with_can(station, form, bounds, findings)
+    station = with_recorders(with_can(station, form, bounds, findings), form, findings)
     return Profile(file, text, form, bounds, station, fakes)
 
 

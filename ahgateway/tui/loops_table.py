@@ -16,8 +16,8 @@ from ahgateway.apps.rows import loop_row
 from ahgateway.clock import SECOND
 from ahgateway.tui.lines_panel import Line, LinesPanel, columns
 
-COLUMNS = ("loop", "verdict", "proven", "of", "diverged", "SV", "PV", "MV", "mode", "age", "health", "findings")
-RIGHT = frozenset({2, 3, 4, 5, 6, 7, 9})
+COLUMNS = ("loop", "verdict", "proven", "of", "diverged", "SV", "PV", "MV", "mode", "way", "age", "health", "findings")
+RIGHT = frozenset({2, 3, 4, 5, 6, 7, 10})
 STYLE = {
     "MATCH": "green",
     "DIVERGED": "bold red",
@@ -130,6 +130,7 @@ class LoopsTable(Vertical):
             (str(counts.diverged), "bold red" if counts.diverged else ""),
             *((value, dim) for value in values),
             (row.mode, dim),
+            (row.way, dim),
             ("-" if row.age_ns is None else f"{row.age_ns / SECOND:.1f} s", dim),
             (row.health, ""),
             (row.notes, ""),

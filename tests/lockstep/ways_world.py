@@ -81,7 +81,7 @@ def layout(controller: str, **changes: Any) -> Recorder:
         "sequence_end": length - 1,
         "time": 1,
         "time_words": 2,
-        "time_unit_ns": 100_000,
+        "time_unit_ns": MILLISECOND,
         "first": Place(3, 15),
     }
     return Recorder(**{**given, **changes})
