@@ -14,7 +14,7 @@ from typing import Any
 from ahgateway.codec.access import Span, Table
 from ahgateway.codec.can_objects import CanMap, CanObject, Pdo, Sync
 from ahgateway.codec.devices import DeviceMap, DeviceRange, parse_device
-from ahgateway.codec.station import Binding, Const, Loop, Pacing, Station, Tolerance, WriteLimit
+from ahgateway.codec.station import Binding, Const, LeaseSpec, Loop, Pacing, Station, Tolerance, WriteLimit
 from ahgateway.codec.ways import Each, Place, Recorder, Trigger, Way
 from ahgateway.core.controllers import CONTROLLERS, Controller
 from ahgateway.errors import CodecError
@@ -141,6 +141,7 @@ def _loop_json(loop: Loop) -> Json:
         "pv_rate_max": loop.pv_rate_max,
         "way": loop.way.value,
         "recorder": _recorder_json(loop.recorder) if loop.recorder else None,
+        "lease": {**asdict(loop.lease), "data": str(loop.lease.data)} if loop.lease else None,
         "trigger": {name: str(getattr(loop.trigger, name)) for name in _TRIGGER} if loop.trigger else None,
         "writes": {operand: asdict(limit) for operand, limit in loop.writes.items()},
         **{name: getattr(loop, name) for name in _LOOP_PLAIN},
@@ -174,6 +175,7 @@ def _loop_from(row: Json) -> Loop:
         pv_rate_max=row.get("pv_rate_max"),
         way=Way(row.get("way", Way.POLLED.value)),
         recorder=_recorder_from(row["recorder"]) if row.get("recorder") else None,
+        lease=_lease_from(row["lease"]) if row.get("lease") else None,
         trigger=Trigger(*(parse_device(row["trigger"][name]) for name in _TRIGGER)) if row.get("trigger") else None,
         writes={
             operand: WriteLimit(**{name: value for name, value in limit.items() if name in _LIMIT})
@@ -181,6 +183,10 @@ def _loop_from(row: Json) -> Loop:
         },
         **{field: row[field] for field in _LOOP_PLAIN},
     )
+
+
+def _lease_from(text: Json) -> LeaseSpec:
+    return LeaseSpec(**{**text, "data": parse_device(text["data"])})
 
 
 def _recorder_json(recorder: Recorder) -> Json:

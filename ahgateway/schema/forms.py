@@ -243,7 +243,7 @@ class LoopForm(Form):
     pv_rate_max: float | None = Field(
         default=None, ge=0, description="most that PV can move per second; 0 where only we move it"
     )
-    way: Literal["recorded", "polled"] | None = Field(
+    follow: Literal["recorded", "polled"] | None = Field(
         default=None, description="how executions are seen; without it recorded where there is a recorder"
     )
     recorder: RecorderForm | None = Field(default=None, description="the PLC records its scans or calls")

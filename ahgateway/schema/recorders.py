@@ -51,9 +51,9 @@ def _with_ways(loop: Loop, form: LoopForm, station: Station, findings: Findings)
     if form.recorder is not None:
         recorder = _recorder(loop, form.recorder, station, findings)
         loop = replace(loop, recorder=recorder, way=Way.RECORDED if recorder is not None else loop.way)
-    if form.way == "recorded" and form.recorder is None:
-        findings.add(f"{top}.way", "is recorded, and the loop has no recorder", f"add the table [{top}.recorder]")
-    return replace(loop, way=Way.POLLED) if form.way == "polled" else loop
+    if form.follow == "recorded" and form.recorder is None:
+        findings.add(f"{top}.follow", "is recorded, and the loop has no recorder", f"add the table [{top}.recorder]")
+    return replace(loop, way=Way.POLLED) if form.follow == "polled" else loop
 
 
 def _interval(loop: Loop, form: LoopForm, findings: Findings) -> int | None:

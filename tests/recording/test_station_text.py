@@ -12,7 +12,8 @@ from lockstep.bench_world import DEVICES, World, bindings
 from ahgateway.codec.access import Span, Table
 from ahgateway.codec.can_objects import CanMap, CanObject, Pdo, Sync
 from ahgateway.codec.devices import parse_device
-from ahgateway.codec.station import Loop, Pacing, Station, Tolerance, WriteLimit
+from ahgateway.codec.station import LeaseSpec, Loop, Pacing, Station, Tolerance, WriteLimit
+from ahgateway.codec.ways import Each, Place, Recorder, Trigger, Way
 from ahgateway.core.controllers import CONTROLLERS
 from ahgateway.recording.station_text import station_from, station_json
 from ahgateway.schema.profile import load
@@ -34,6 +35,30 @@ LOOP = Loop(
     writes={"SV": WriteLimit(20.0, 120.0, 5.0, 2.0), "PID_MAN": WriteLimit(interval_s=0.5)},
     counter=parse_device("D900"),
     pv_held=True,
+    lease=LeaseSpec(parse_device("D700"), 2500, 50),
+    pv_rate_max=0.5,
+    interval_ms=250,
+    recorder=Recorder(
+        parse_device("D2000"),
+        32,
+        40,
+        parse_device("D1990"),
+        {"SV": Place(4), "PID_MAN": Place(3, 2)},
+        1,
+        2,
+        30_000,
+        39,
+        0,
+        1,
+        20_000,
+        100_000,
+        Place(3, 15),
+        Each.CHANGE,
+        True,
+        frozenset({"ERR_DBW"}),
+    ),
+    trigger=Trigger(parse_device("M50"), parse_device("D901")),
+    way=Way.RECORDED,
 )
 WORDS = Span(Table.HOLDING, 100, 2)
 STATION = Station(
@@ -59,7 +84,9 @@ def default_of(field: Field[Any]) -> Any:
 
 
 @pytest.mark.parametrize(
-    "whole", [STATION, LOOP, STATION.pacing, LOOP.writes["SV"], LOOP.tolerance], ids=lambda each: type(each).__name__
+    "whole",
+    [STATION, LOOP, LOOP.recorder, STATION.pacing, LOOP.writes["SV"], LOOP.tolerance],
+    ids=lambda each: type(each).__name__,
 )
 def test_the_example_has_no_field_left_at_its_default(whole: Any) -> None:
     usual = [field.name for field in fields(whole) if getattr(whole, field.name) == default_of(field)]

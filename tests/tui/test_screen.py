@@ -34,13 +34,13 @@ async def test_the_first_page_names_every_loop_with_its_verdict_values_and_age(w
         await pilot.pause()
         lines = text_of(pilot.app)
     assert "Demo  │  2 loops  │  link up  │  none diverged  │  00:00:22Z" == lines[0]
-    head = ["loop", "verdict", "proven", "of", "diverged", "SV", "PV", "MV", "mode", "age", "health", "findings"]
+    head = ["loop", "verdict", "proven", "of", "diverged", "SV", "PV", "MV", "mode", "way", "age", "health", "findings"]
     assert head == line_with(lines, "verdict").split()
     row = line_with(lines, "TIC-101").split()
     assert [">", "TIC-101", "MATCH"] == row[:3]
     assert ["0", "80"] == row[6:8]
     assert "auto" == row[10]
-    assert ["0.0", "s"] == row[11:13]
+    assert ["polled", "0.0", "s"] == row[11:14]
     assert "LIC-201" in line_with(lines, "LIC-201")
     assert "q quit" in lines[-1]
 
