@@ -19,7 +19,7 @@ from ahgateway.errors import AhGatewayError, LinkError, PlcRefusedError, Transpo
 from ahgateway.lockstep.follow import cycle_ns
 from ahgateway.lockstep.picture import Sampler, picture_plan
 from ahgateway.transports.adapter import LATENCY_MS_GOOD, adapter_of, adapters
-from ahgateway.transports.base import Link
+from ahgateway.transports.base import Link, LinkFigures
 from ahgateway.transports.floor import floor_ns, round_trip_floor_ns
 from ahgateway.transports.line import Line, open_port
 from ahgateway.transports.uri import Target, line_of, parse_uri
@@ -32,6 +32,8 @@ LATE_NS_MAX = 3 * MILLISECOND
 UTC_SENSIBLE_NS = 1_735_689_600 * SECOND
 """2025-01-01: a clock before that has not been set."""
 SERIAL = ("modbus+rtu", "modbus+ascii")
+CYCLES_BAD_MAX = 0.01
+"""Share of the cycles of PDOs that may be missed or incomplete before it is said."""
 
 
 class Outcome(Enum):
@@ -196,6 +198,26 @@ async def measure(station: Station, loop: Loop, link: Link, clock: Clock) -> tup
     times = tuple(RequestTime(read, floors[read], tuple(each)) for read, each in took.items())
     least = None if line is None else sum(floor_ns(read, line, is_rtu=is_rtu) for read in requests)
     return LoopTime(loop.name, times, len(requests), round(median(pictures)), least, cycle), []
+
+
+def check_cycles(figures: LinkFigures) -> list[Check]:
+    """Say how regularly SYNC and the PDOs behind it came, and ours left; nothing on a link without PDOs."""
+    cycles = figures.cycles
+    if cycles is None or not cycles.syncs:
+        return []
+    closed = cycles.complete + cycles.incomplete + cycles.contradicted
+    bad = cycles.syncs_missed + closed - cycles.complete
+    text = (
+        f"{cycles.syncs} SYNC, at worst {cycles.jitter_ns_max / MILLISECOND:.2f} ms off their period, "
+        f"{cycles.syncs_missed} missed; {cycles.complete} of {closed} cycles complete, {cycles.late} PDOs outside "
+        "their window"
+    )
+    if cycles.sent:
+        text += f"; PDOs of ours leave within {cycles.sent_jitter_ns / MILLISECOND:.2f} ms of each other behind SYNC"
+    if bad <= CYCLES_BAD_MAX * cycles.syncs:
+        return [Check("cycles", Outcome.GOOD, text)]
+    hint = "the load of the bus, period_ms and window_ms of the profile, another program on this computer"
+    return [Check("cycles", Outcome.WARN, text, hint)]
 
 
 async def _cycle_ns(station: Station, loop: Loop, link: Link, clock: Clock) -> int | None:

@@ -105,7 +105,7 @@ async def _line_examined(station: Station, clock: Clock, trace: str | None, foun
                 take(*checks)
                 if checks and not link.figures.replies:
                     break  # nobody is there: one time-out says it
-            take(*app.judge(found))
+            take(*app.judge(found), *app.check_cycles(link.figures))
 
 
 def _line(check: Check) -> str:

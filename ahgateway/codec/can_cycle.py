@@ -49,7 +49,11 @@ class Cycle:
 
 @dataclass(slots=True)
 class CycleFigures:
-    """Running totals; jitter is the largest difference of a SYNC interval from the profile's period, in ns."""
+    """Running totals.
+
+    `jitter_ns_max` is the largest difference of a SYNC interval from the profile's period; `sent` counts our own PDOs,
+    which left between `sent_ns_min` and `sent_ns_max` behind the SYNC before them, as our clock saw both.
+    """
 
     syncs: int = 0
     syncs_missed: int = 0
@@ -61,6 +65,14 @@ class CycleFigures:
     late: int = 0
     malformed: int = 0
     jitter_ns_max: int = 0
+    sent: int = 0
+    sent_ns_min: int = 0
+    sent_ns_max: int = 0
+
+    @property
+    def sent_jitter_ns(self) -> int:
+        """By how much the times differ at which our PDOs left behind their SYNC."""
+        return self.sent_ns_max - self.sent_ns_min
 
 
 class CycleAssembler:
@@ -86,6 +98,7 @@ class CycleAssembler:
         self._last_ns = 0
         self._is_contradicted = False
         self._is_open = False
+        self._has_sent = False
 
     def feed(self, frame: CanFrame) -> Cycle | None:
         """Take a frame in the order of arrival; return the cycle that a SYNC closes, if it is complete."""
@@ -103,6 +116,17 @@ class CycleAssembler:
         if self._sync_ns is None or now_ns - self._sync_ns <= self._sync.window_us * MICROSECOND:
             return None
         return self._close()
+
+    def sent(self, now_ns: int) -> None:
+        """Note that a PDO of ours left."""
+        figures = self.figures
+        figures.sent += 1
+        if self._sync_ns is not None:
+            behind_ns = now_ns - self._sync_ns
+            is_first = not self._has_sent
+            figures.sent_ns_min = behind_ns if is_first else min(figures.sent_ns_min, behind_ns)
+            figures.sent_ns_max = max(figures.sent_ns_max, behind_ns)
+            self._has_sent = True
 
     def _tick(self, frame: CanFrame) -> Cycle | None:
         period_ns = self._sync.period_us * MICROSECOND

@@ -76,7 +76,7 @@ class CanObject:
 
 @dataclass(frozen=True, slots=True)
 class Pdo:
-    """One PDO that the PLC sends after each SYNC: its COB-ID and what it carries, in the order of its bytes."""
+    """One PDO that the PLC sends after each SYNC, or takes: COB-ID and what it carries, in the order of its bytes."""
 
     cob_id: int
     spans: tuple[Span, ...]
@@ -123,6 +123,7 @@ class CanMap:
     Attributes:
         objects: Ordered by table and address; no two hold the same word.
         pdos: Sent by the PLC after each SYNC; empty when there is no cyclic role.
+        takes: Taken by the PLC, each with one operand of a bench; a write of just that goes out in one frame.
         sync: The tick.
         confidence: V read in the module's manual or EDS, S decoded, I inferred, R remembered.
     """
@@ -131,6 +132,11 @@ class CanMap:
     pdos: tuple[Pdo, ...] = ()
     sync: Sync = Sync()
     confidence: str = "R"
+    takes: tuple[Pdo, ...] = ()
+
+    def taking(self, span: Span) -> Pdo | None:
+        """Return the PDO by which the PLC takes exactly this span, None when there is none."""
+        return next((pdo for pdo in self.takes if pdo.spans == (span,)), None)
 
     def holding(self, span: Span) -> tuple[CanObject, ...]:
         """Return the objects that hold a span together, in the order of their addresses.

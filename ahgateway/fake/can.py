@@ -68,7 +68,11 @@ class CanPlc:
         return [CanFrame(pdo.cob_id, pdo.encoded([next(values) for _ in pdo.spans])) for pdo in pdos]
 
     def on_pdo(self, frame: CanFrame) -> None:
-        """This PLC takes no PDOs."""
+        """Take what the profile says that this PLC takes, at once (ASSUMED: event-driven); ignore all else."""
+        for pdo in self._objects.takes:
+            if pdo.cob_id == frame.can_id and len(frame.data) == pdo.size:
+                for span, values in pdo.decoded(frame.data):
+                    self._carry_out([Write(self._unit, span.table, span.address, values)])
 
     def _held(self, held: CanObject | None, index: int) -> CanObject:
         if held is not None:

@@ -225,7 +225,8 @@ def _pacing_from(text: Json) -> Pacing:
 def _can_json(can: CanMap) -> Json:
     return {
         "objects": [{"span": _span_json(each.span), "index": each.index, "sub": each.sub} for each in can.objects],
-        "pdos": [{"cob_id": each.cob_id, "spans": [_span_json(span) for span in each.spans]} for each in can.pdos],
+        "pdos": [_pdo_json(each) for each in can.pdos],
+        "takes": [_pdo_json(each) for each in can.takes],
         "sync": asdict(can.sync),
         "confidence": can.confidence,
     }
@@ -234,10 +235,19 @@ def _can_json(can: CanMap) -> Json:
 def _can_from(text: Json) -> CanMap:
     return CanMap(
         tuple(CanObject(_span_from(each["span"]), each["index"], each["sub"]) for each in text["objects"]),
-        tuple(Pdo(each["cob_id"], tuple(_span_from(span) for span in each["spans"])) for each in text["pdos"]),
+        tuple(_pdo_from(each) for each in text["pdos"]),
         Sync(**text["sync"]),
         text["confidence"],
+        tuple(_pdo_from(each) for each in text.get("takes", ())),
     )
+
+
+def _pdo_json(pdo: Pdo) -> Json:
+    return {"cob_id": pdo.cob_id, "spans": [_span_json(span) for span in pdo.spans]}
+
+
+def _pdo_from(text: Json) -> Pdo:
+    return Pdo(text["cob_id"], tuple(_span_from(span) for span in text["spans"]))
 
 
 def _span_json(span: Span) -> list[Any]:

@@ -6,7 +6,7 @@ index, operands in no object or in two halves, PDOs that no frame can carry.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import pairwise
 
@@ -14,12 +14,12 @@ from ahgateway.codec import block
 from ahgateway.codec.access import Span
 from ahgateway.codec.can_objects import PDO_SIZE_MAX, CanMap, CanObject, Pdo, Sync, table_order
 from ahgateway.codec.devices import DeviceMap
-from ahgateway.codec.station import Loop, Station
+from ahgateway.codec.station import Const, Loop, Station
 from ahgateway.core.operands import Kind
 from ahgateway.errors import CodecError
 from ahgateway.schema.binding import Bound, parsed
 from ahgateway.schema.findings import Findings
-from ahgateway.schema.forms import CanForm, CanItemForm, CanObjectForm, ProfileForm
+from ahgateway.schema.forms import CanForm, CanItemForm, CanObjectForm, CanTakeForm, ProfileForm
 
 TOP = "station.can"
 SUB_MAX = 254
@@ -37,7 +37,9 @@ def with_can(
             findings.add(TOP, "is missing, a canopen target needs it", "the shipped example `can` has one")
         return station
     objects = _objects(written, station.devices, findings)
-    pdos = _pdos(written, station.devices, findings)
+    taken: dict[int, str] = {written.sync.cob_id: f"{TOP}.sync"}
+    pdos = _pdos(written, taken, station.devices, findings)
+    takes = _takes(written.takes, taken, station, findings)
     sync = written.sync
     if sync.window_ms >= sync.period_ms:
         findings.add(f"{TOP}.sync.window_ms", f"is {sync.window_ms:g}, not below the period of {sync.period_ms:g}")
@@ -46,6 +48,7 @@ def with_can(
         pdos,
         Sync(sync.cob_id, round(sync.period_ms * 1000), round(sync.window_ms * 1000)),
         written.confidence,
+        takes,
     )
     if not findings:
         for loop in station.loops:
@@ -107,20 +110,46 @@ def _span(item: CanItemForm, key: str, devices: DeviceMap, findings: Findings) -
     return span
 
 
-def _pdos(form: CanForm, devices: DeviceMap, findings: Findings) -> tuple[Pdo, ...]:
+def _pdos(form: CanForm, taken: dict[int, str], devices: DeviceMap, findings: Findings) -> tuple[Pdo, ...]:
     found: list[Pdo] = []
-    taken: dict[int, str] = {form.sync.cob_id: f"{TOP}.sync"}
     for number, row in enumerate(form.pdos):
         key = f"{TOP}.pdos.{number}"
-        if row.cob_id in taken or any(row.cob_id in each for each in RESERVED_COB_IDS):
-            findings.add(f"{key}.cob_id", f"{row.cob_id:#05x} is taken by {taken.get(row.cob_id, 'CiA 301')}")
-        taken.setdefault(row.cob_id, key)
+        _check_cob_id(row.cob_id, key, taken, findings)
         spans = [_span(item, f"{key}.maps.{place}", devices, findings) for place, item in enumerate(row.maps)]
         pdo = Pdo(row.cob_id, tuple(span for span in spans if span is not None))
         if pdo.size > PDO_SIZE_MAX:
             findings.add(key, f"maps {pdo.size} bytes, a PDO carries {PDO_SIZE_MAX}")
         found.append(pdo)
     return tuple(found)
+
+
+def _takes(rows: Sequence[CanTakeForm], taken: dict[int, str], station: Station, findings: Findings) -> tuple[Pdo, ...]:
+    """Nobody answers a PDO, so that only what streams into a bench may go out in one."""
+    values = {
+        block.spans(loop, station.devices)[name]: f"{name} of {loop.name}"
+        for loop in station.loops
+        for name in loop.controller.roles.pvs
+        if name in loop.bindings and not isinstance(loop.bindings[name], Const)
+    }
+    found: list[Pdo] = []
+    for number, row in enumerate(rows):
+        key = f"{TOP}.takes.{number}"
+        _check_cob_id(row.cob_id, key, taken, findings)
+        span = _span(row, key, station.devices, findings)
+        if not station.bench:
+            findings.add(key, "is for benches only: nobody answers a PDO", 'kind = "bench" in [station] says it is one')
+        elif span is not None and span not in values:
+            known = ", ".join(values.values()) or "none"
+            findings.add(f"{key}.device", f"`{row.device}` is no loop's process value, those that may be sent: {known}")
+        elif span is not None:
+            found.append(Pdo(row.cob_id, (span,)))
+    return tuple(found)
+
+
+def _check_cob_id(cob_id: int, key: str, taken: dict[int, str], findings: Findings) -> None:
+    if cob_id in taken or any(cob_id in each for each in RESERVED_COB_IDS):
+        findings.add(f"{key}.cob_id", f"{cob_id:#05x} is taken by {taken.get(cob_id, 'CiA 301')}")
+    taken.setdefault(cob_id, key)
 
 
 def _check_operands(loop: Loop, can: CanMap, bound: Mapping[str, Bound], station: Station, findings: Findings) -> None:

@@ -66,6 +66,12 @@ class CanPdoForm(Form):
     )
 
 
+class CanTakeForm(CanItemForm):
+    """A PDO that the PLC takes: the process value of a loop on a bench, and nothing else."""
+
+    cob_id: int = Field(ge=1, le=0x7FF, description="its identifier")
+
+
 class CanSyncForm(Form):
     """The tick of the cyclic role."""
 
@@ -82,6 +88,9 @@ class CanForm(Form):
     )
     objects: list[CanObjectForm] = Field(min_length=1, max_length=512, description="objects that SDO reads")
     pdos: list[CanPdoForm] = Field(default_factory=list, max_length=512, description="PDOs that the PLC sends")
+    takes: list[CanTakeForm] = Field(
+        default_factory=list, max_length=512, description="PDOs that the PLC takes, a bench only"
+    )
     sync: CanSyncForm = Field(default_factory=CanSyncForm)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple, Protocol
 
 from ahgateway.codec.access import Request
+from ahgateway.codec.can_cycle import CycleFigures
 
 
 class Reply(NamedTuple):
@@ -46,7 +47,8 @@ Tap = Callable[[Frame], None]
 class LinkFigures:
     """Running totals of a link since it was made; round trips in ns, the latest few thousand of them kept.
 
-    `late` counts replies that came after their request had been given up; they were dropped.
+    `late` counts replies that came after their request had been given up; they were dropped. `cycles` is there on a
+    link that listens to PDOs.
     """
 
     requests: int = 0
@@ -61,6 +63,7 @@ class LinkFigures:
     round_trip_total_ns: int = 0
     first_cause: str = ""
     round_trips_ns: list[int] = field(default_factory=list)
+    cycles: CycleFigures | None = None
 
 
 class Link(Protocol):

@@ -83,7 +83,7 @@ async def lockstep(lost: float, repeated: float) -> None:
     counts, executed = world.follower.summary(), world.plc.executed("TIC-101")
     out = sys.stdout.write
     out(f"lost {lost:.0%} repeated {repeated:.0%}: {SYNCS} cycles in {took_s:.1f} s, {diverged} diverged, {counts}\n")
-    out(f"  executed {executed}, accounted for {counts.total}; {world.link.cycles}\n")
+    out(f"  executed {executed}, accounted for {counts.total}; {world.link.figures.cycles}\n")
 
 
 def main() -> None:

@@ -46,6 +46,14 @@ def test_the_example_puts_every_operand_into_an_object() -> None:
         ("window_ms = 10.0", "window_ms = 20.0", "is 20, not below the period of 20"),
         ('running = "SM400"', 'running = "SM401"', "`SM401` stands in no CANopen object"),
         ("index = 0x2001", "index = 0x1001", "4097"),
+        (
+            'device = "D102"',
+            'device = "D104"',
+            "`D104` is no loop's process value, those that may be sent: PV of TIC-101",
+        ),
+        ('device = "D102"', 'device = "D102"\nlength = 1', "`D102` is no loop's process value"),
+        ("cob_id = 0x203", "cob_id = 0x283", "station.can.takes.0.cob_id: 0x283 is taken by station.can.pdos.1"),
+        ('kind = "bench"', 'kind = "plant"', "station.can.takes.0: is for benches only: nobody answers a PDO"),
     ],
 )
 def test_a_mistake_is_named(old: str, new: str, said: str) -> None:

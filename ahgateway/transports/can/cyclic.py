@@ -1,14 +1,15 @@
 """The cyclic role as a `base.Link`: what travels in PDOs is answered from the last complete cycle, the rest by SDO.
 
-Nothing is sent for a word that is in a PDO: the tick is the bus's own SYNC. Between an SDO answer and the next one
+Nothing is asked for a word that is in a PDO: the tick is the bus's own SYNC. Between an SDO answer and the next one
 from PDOs a whole cycle must begin, so that a picture bracketed by PDO words never spans less than what SDO read inside.
+On a bench the process value goes out in a PDO of its own, of which it is measured how far behind SYNC it leaves.
 """
 
 from __future__ import annotations
 
 from ahgateway.clock import MILLISECOND, Clock
-from ahgateway.codec.access import Read, Request, Span
-from ahgateway.codec.can_cycle import MICROSECOND, Cycle, CycleAssembler, CycleFigures
+from ahgateway.codec.access import Read, Request, Span, Write
+from ahgateway.codec.can_cycle import MICROSECOND, Cycle, CycleAssembler
 from ahgateway.codec.can_frame import CanFrame
 from ahgateway.codec.can_objects import CanMap
 from ahgateway.codec.station import Pacing
@@ -40,16 +41,13 @@ class CyclicLink:
         self._bus = bus
         self._clock = clock
         self._timeout_ns = (pacing or Pacing()).reply_timeout_ms * MILLISECOND
+        self._objects = objects
         self._sync = objects.sync
         self._assembler = CycleAssembler(objects)
+        self.figures.cycles = self._assembler.figures
         self._after_ns: int | None = None
         self._since_ns: int | None = None
         self._unsubscribe = bus.subscribe(self._frame, self._trouble)
-
-    @property
-    def cycles(self) -> CycleFigures:
-        """Running totals of SYNCs and PDOs."""
-        return self._assembler.figures
 
     async def exchange(self, request: Request) -> Reply:
         """Answer from the last complete cycle, or by SDO; see `base.Link.exchange`.
@@ -58,7 +56,7 @@ class CyclicLink:
             ReplyTimeoutError: No complete cycle came in time.
         """
         if not isinstance(request, Read):
-            return await self._by_sdo(request)
+            return await self._write(request)
         await self._bus.open()
         cycle = await self._cycle()
         values = cycle.values(Span(request.table, request.address, request.count))
@@ -78,6 +76,23 @@ class CyclicLink:
         reply = await self._sdo.exchange(request)
         self._after_ns = reply.last_ns
         return reply
+
+    async def _write(self, request: Write) -> Reply:
+        """Send what the PLC takes by PDO in one frame, all else by SDO.
+
+        Nobody answers a PDO: its reply says when it left. What is read afterwards belongs to a cycle that began later.
+        """
+        pdo = self._objects.taking(Span(request.table, request.address, len(request.values)))
+        if pdo is None:
+            return await self._by_sdo(request)
+        await self._bus.open()
+        self.figures.requests += 1
+        await self._bus.send(CanFrame(pdo.cob_id, pdo.encoded([request.values])))
+        now_ns = self._clock.now_ns()
+        self._assembler.sent(now_ns)
+        self._after_ns = now_ns
+        self.figures.replies += 1
+        return Reply(request, (), now_ns, now_ns, now_ns, self._since_ns or now_ns)
 
     async def _cycle(self) -> Cycle:
         """Return the last complete cycle that is fresh and began behind the last SDO answer."""

@@ -12,7 +12,7 @@ from ahgateway.codec.station import FakeLoop, Pacing
 from ahgateway.fake.can import CanPlc
 from ahgateway.fake.plc import FakePlc
 from ahgateway.lockstep.follow import Event, Follower
-from ahgateway.lockstep.picture import Sampler
+from ahgateway.lockstep.picture import Picture, Sampler
 from ahgateway.schema.profile import load
 from ahgateway.transports.can.cyclic import CyclicLink
 from ahgateway.transports.can.link import SdoLink
@@ -23,13 +23,14 @@ SETTLED_NS = 11 * MILLISECOND
 
 
 class Wire:
-    """As much of a `CanBus` as links need; what is sent nobody answers."""
+    """As much of a `CanBus` as links need; what is sent goes to `hears`, and nobody answers."""
 
     is_listen_only = False
 
     def __init__(self) -> None:
         self.target = "canopen://wire"
         self.sent: list[CanFrame] = []
+        self.hears: Callable[[CanFrame], None] = lambda frame: None
         self._sinks: list[Callable[[CanFrame], None]] = []
 
     def subscribe(self, on_frame: Callable[[CanFrame], None], on_trouble: object = None) -> Callable[[], None]:
@@ -41,6 +42,7 @@ class Wire:
 
     async def send(self, frame: CanFrame) -> None:
         self.sent.append(frame)
+        self.hears(frame)
 
     async def close(self) -> None:
         return None
@@ -51,16 +53,29 @@ class Wire:
 
 
 class CyclicWorld:
-    """The shipped CAN example followed by PDOs; `lost` and `repeated` are chances of each frame."""
+    """The shipped CAN example followed by PDOs; `lost` and `repeated` are chances of each frame.
 
-    def __init__(self, *, lost: float = 0.0, repeated: float = 0.0, seed: int = 1, cycle_ms: int = 80) -> None:
+    Without its plant the PLC's PV stays where it is written.
+    """
+
+    def __init__(
+        self,
+        *,
+        lost: float = 0.0,
+        repeated: float = 0.0,
+        seed: int = 1,
+        cycle_ms: int = 80,
+        has_plant: bool = True,
+        clock: VirtualClock | None = None,
+    ) -> None:
         loaded = load("can")
-        station = replace(loaded.station(), target="canopen://wire?node=3&pdo=1")
+        station = self.station = replace(loaded.station(), target="canopen://wire?node=3&pdo=1")
         assert station.can is not None
         setup = loaded.fake_setup()["TIC-101"]
         initial = {**setup.initial, "CYCLE": cycle_ms}
-        self.clock = VirtualClock()
-        self.plc = FakePlc(station, {"TIC-101": FakeLoop(initial, setup.plant)}, clock=self.clock, seed=seed)
+        self.clock = clock or VirtualClock()
+        plant = setup.plant if has_plant else None
+        self.plc = FakePlc(station, {"TIC-101": FakeLoop(initial, plant)}, clock=self.clock, seed=seed)
         self.wire = Wire()
         sdo = SdoLink(self.wire, 3, station.can, self.clock)  # type: ignore[arg-type]
         pacing = Pacing(reply_timeout_ms=1)
@@ -68,12 +83,13 @@ class CyclicWorld:
         self.follower = Follower(station.loops[0])
         self.events: list[Event] = []
         self._content = CanPlc(self.plc, station.can)
+        self.wire.hears = self._content.on_pdo
         self._sampler = Sampler(station.loops[0], station, self.link, self.clock)
         self._rng = random.Random(seed)
         self._lost, self._repeated = lost, repeated
 
-    async def sync(self) -> None:
-        """Let one SYNC and its PDOs cross the wire, and take a picture when their window is over."""
+    def cross(self) -> None:
+        """Let one SYNC and its PDOs cross the wire, to the end of their window."""
         frames = [CanFrame(0x80, b""), *self._content.on_sync(self.clock.now_ns())]
         for frame in frames:
             self.clock.advance_ns(200_000)
@@ -84,9 +100,13 @@ class CyclicWorld:
             if self._rng.random() < self._repeated:
                 self.wire.deliver(stamped)
         self.clock.advance_ns(SETTLED_NS)
-        try:
-            picture = await self._sampler.picture()
-        finally:
-            self.clock.advance_ns(PERIOD_NS - self.clock.now_ns() % PERIOD_NS)
+
+    async def sync(self, behind_ns: int = 0) -> Picture:
+        """Let one SYNC and its PDOs cross the wire, and take a picture `behind_ns` after their window is over."""
+        self.clock.advance_ns(-self.clock.now_ns() % PERIOD_NS)
+        self.cross()
+        self.clock.advance_ns(behind_ns)
+        picture = await self._sampler.picture()
         assert picture is not None
         self.events += self.follower.see(picture)
+        return picture

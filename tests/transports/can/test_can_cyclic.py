@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+from pathlib import Path
 
+import numpy as np
 import pytest
 from transports.can.cyclic_world import CyclicWorld
 
-from ahgateway.clock import VirtualClock
-from ahgateway.codec.access import Span, Table
+from ahgateway.clock import SECOND, VirtualClock
+from ahgateway.codec.access import Read, Span, Table, Write
 from ahgateway.codec.can_cycle import Cycle, CycleAssembler
 from ahgateway.codec.can_frame import CanFrame
 from ahgateway.codec.can_objects import CanMap, Pdo, Sync, span_bytes, span_values
@@ -16,6 +18,7 @@ from ahgateway.core.verdict import Verdict
 from ahgateway.errors import CodecError, ReplyTimeoutError
 from ahgateway.fake.can import CanPlc
 from ahgateway.fake.plc import FakePlc
+from ahgateway.lockstep.gate.gate import Gate
 from ahgateway.lockstep.judge import Execution
 from ahgateway.schema.profile import load
 
@@ -110,7 +113,8 @@ async def follow(world: CyclicWorld, syncs: int) -> list[Execution]:
 async def test_lost_and_repeated_frames_cost_coverage_and_convict_nobody() -> None:
     world = CyclicWorld(lost=0.01, repeated=0.02)
     found = await follow(world, 1000)
-    figures, counts = world.link.cycles, world.follower.summary()
+    figures, counts = world.link.figures.cycles, world.follower.summary()
+    assert figures is not None
     assert [] == [each for each in found if each.verdict is Verdict.DIVERGED]
     assert 0 < figures.syncs_missed < 30
     assert 0 < figures.incomplete < 150
@@ -136,6 +140,68 @@ async def test_without_pdos_the_link_says_what_it_heard() -> None:
     world = CyclicWorld(lost=1.0)
     with pytest.raises(ReplyTimeoutError, match="no complete cycle within 1 ms; 0 SYNC, 0 complete"):
         await world.sync()
+
+
+def process(pv: float, mv: float) -> float:
+    """First order, 4 s, 1.5 per %, 20 at MV 0, one step of 20 ms."""
+    return pv + 0.005 * (20.0 + 1.5 * mv - pv)
+
+
+class Ticking(VirtualClock):
+    """A clock on which the bus goes on while somebody sleeps: each sleep lets one SYNC cross."""
+
+    world: CyclicWorld | None = None
+
+    async def sleep_ns(self, duration_ns: int) -> None:
+        if self.world is not None:
+            self.advance_ns(20 * MS - self.now_ns() % (20 * MS))
+            self.world.cross()
+
+
+@pytest.mark.slow
+async def test_pv_goes_out_by_pdo_and_mv_comes_in_through_the_write_gate(tmp_path: Path) -> None:
+    """A simulated process in lockstep with SYNC: nothing goes out but PDO 203h, and the PLC's PV is what it carried."""
+    clock = Ticking()
+    world = clock.world = CyclicWorld(has_plant=False, clock=clock)
+    gate = Gate(world.station, world.station.loops[0], world.link, clock, tmp_path)
+    await gate.arm("simulation", duration_ns=3600 * SECOND)
+    pv = 20.0
+    for step in range(1000):
+        picture = await world.sync(behind_ns=(step % 3) * MS)
+        pv = process(pv, float(picture.seen["MV"]))
+        await gate.stream("PV", pv, picture.words)
+        assert np.float32(pv) == world.plc.read("TIC-101", "PV")
+    gate.keep()
+    assert {0x203} == {frame.can_id for frame in world.wire.sent}
+    figures = world.link.figures.cycles
+    assert figures is not None
+    assert 1000 == len(world.wire.sent) == figures.sent
+    assert 2 * MS == figures.sent_jitter_ns, "the test answers 0, 1 or 2 ms later than at once"
+    executions = [event for event in world.events if isinstance(event, Execution)]
+    assert [] == [each for each in executions if each.verdict is Verdict.DIVERGED]
+    assert world.follower.summary().informative > 0.8 * world.plc.executed("TIC-101")
+    assert 60.0 < pv < 90.0, "the PLC's controller brings the simulated process from 20 towards SV, 80"
+
+
+async def test_a_write_that_no_pdo_takes_goes_by_sdo_and_a_pdo_is_sent_whole() -> None:
+    world = CyclicWorld()
+    await world.link.exchange(Write(1, Table.HOLDING, 102, (0x0000, 0x4120)))  # 10.0
+    assert [CanFrame(0x203, bytes.fromhex("00002041"))] == world.wire.sent
+    assert np.float32(10.0) == world.plc.read("TIC-101", "PV")
+    with pytest.raises(ReplyTimeoutError, match="node 3 answers no SDO request"):
+        await world.link.exchange(Write(1, Table.HOLDING, 100, (0x0000, 0x4120)))
+    assert {0x603} == {frame.can_id for frame in world.wire.sent[1:]}
+
+
+async def test_what_is_read_behind_a_pdo_of_ours_belongs_to_a_later_cycle() -> None:
+    world = CyclicWorld(has_plant=False)
+    world.cross()
+    await world.link.exchange(Write(1, Table.HOLDING, 102, (0x0000, 0x4120)))
+    with pytest.raises(ReplyTimeoutError, match="no complete cycle within 1 ms; 1 SYNC, 1 complete"):
+        await world.link.exchange(Read(1, Table.HOLDING, 102, 2))
+    world.cross()
+    reply = await world.link.exchange(Read(1, Table.HOLDING, 102, 2))
+    assert (0x0000, 0x4120) == reply.values
 
 
 class Running(VirtualClock):
