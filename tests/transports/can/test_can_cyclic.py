@@ -164,14 +164,13 @@ async def test_pv_goes_out_by_pdo_and_mv_comes_in_through_the_write_gate(tmp_pat
     clock = Ticking()
     world = clock.world = CyclicWorld(has_plant=False, clock=clock)
     gate = Gate(world.station, world.station.loops[0], world.link, clock, tmp_path)
-    await gate.arm("simulation", duration_ns=3600 * SECOND)
-    pv = 20.0
-    for step in range(1000):
-        picture = await world.sync(behind_ns=(step % 3) * MS)
-        pv = process(pv, float(picture.seen["MV"]))
-        await gate.stream("PV", pv, picture.words)
-        assert np.float32(pv) == world.plc.read("TIC-101", "PV")
-    gate.keep()
+    async with gate.armed("simulation", duration_ns=3600 * SECOND, keep=True):
+        pv = 20.0
+        for step in range(1000):
+            picture = await world.sync(behind_ns=(step % 3) * MS)
+            pv = process(pv, float(picture.seen["MV"]))
+            await gate.stream("PV", pv, picture.words)
+            assert np.float32(pv) == world.plc.read("TIC-101", "PV")
     assert {0x203} == {frame.can_id for frame in world.wire.sent}
     figures = world.link.figures.cycles
     assert figures is not None
