@@ -71,7 +71,13 @@ STATION = Station(
     bench=True,
     pacing=Pacing(*range(2, 2 + len(fields(Pacing)))),
     scratch=parse_device("D990"),
-    can=CanMap((CanObject(WORDS, 0x2000, 1),), (Pdo(0x181, (WORDS, Span(Table.COIL, 1, 8))),), Sync(1, 2, 3), "V"),
+    can=CanMap(
+        (CanObject(WORDS, 0x2000, 1),),
+        (Pdo(0x181, (WORDS, Span(Table.COIL, 1, 8))),),
+        Sync(1, 2, 3),
+        "V",
+        (Pdo(0x203, (WORDS,)),),
+    ),
 )
 
 
