@@ -7,9 +7,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
-from ahgateway.apps.health import Health, Statement, health, statement
+from ahgateway.apps.health import Health, health
+from ahgateway.apps.health_process import Learner, Statement, statement
 from ahgateway.apps.monitor import Monitor, Report, Sample, Watch
 from ahgateway.apps.trail import CAPACITY, Trails
 from ahgateway.clock import SECOND, Clock
@@ -67,6 +69,8 @@ class Board:
         self.changes: dict[str, dict[str, tuple[int, Change]]] = {name: {} for name in self.watches}
         self.frames = frames
         self._health: dict[str, tuple[int, Health | None]] = {}
+        self._learners: dict[str, Learner] = {}
+        self._pool = ThreadPoolExecutor(1, "process")
 
     def take(self, report: Report) -> None:
         """Take in one report; what goes right is counted by the monitor and not kept as an event."""
@@ -96,6 +100,7 @@ class Board:
             for operand in [name for name, (when, _) in changes.items() if when > utc_ns]:
                 del changes[operand]
         self._health.clear()
+        self._learners.clear()
 
     def _keep(self, event: Report | Note) -> None:
         self.events.append(event)
@@ -141,6 +146,14 @@ class Board:
         return min(self.watches, key=lambda name: self._health[name][0] if name in self._health else -1)
 
     def statement(self, name: str) -> Statement | None:
-        """Return what the shadow and the figures say together of a loop."""
+        """Return what the shadow, the figures and a process learned on the way say together of a loop.
+
+        The process is learned of loops that are asked for, in a thread of its own, so that no poll waits for it.
+        """
         found = self.known_health(name)
-        return None if found is None else statement(found, self.watches[name].follower.summary())
+        if found is None:
+            return None
+        if name not in self._learners:
+            self._learners[name] = Learner(self._pool)
+        residual = self._learners[name].look(self.trails.trails[name].trace().window())
+        return statement(found, self.watches[name].follower.summary(), residual)

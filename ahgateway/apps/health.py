@@ -22,8 +22,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from ahgateway.core.verdict import Counts
-from ahgateway.plants.base import Plant, State
 from ahgateway.tuning.noise import noise, resolution
 
 Array = NDArray[np.float64]
@@ -45,8 +43,6 @@ EVEN_MAX = 1 / 3
 LIMITED_SHOWN_MIN = 0.1
 AUTO_SHOWN_MAX = 0.9
 """From these shares on a table speaks of limits, and below of manual; ours."""
-RESIDUAL_RATIO_MIN = 3.0
-"""A plant residual of so many times the noise is no noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -283,91 +279,6 @@ def _first_zero(half: Array) -> float | None:
     index = int(changed[0])
     before, after = float(half[index - 1]), float(half[index])
     return index - 1 + before / (before - after)
-
-
-@dataclass(frozen=True, slots=True)
-class PlantResidual:
-    """What a model of the process leaves unexplained of PV.
-
-    Attributes:
-        rms: Root mean square of PV less the model's answer to MV, a constant difference taken away.
-        ratio: `rms` by the noise or the resolution of PV, whichever is larger; infinite when PV has neither.
-    """
-
-    rms: float
-    ratio: float
-
-    @property
-    def is_nought(self) -> bool:
-        """True when noise explains it."""
-        return self.ratio < RESIDUAL_RATIO_MIN
-
-
-def plant_residual(window: Window, plant: Plant[State], settle_s: float) -> PlantResidual:
-    """Run a model of the process on the recorded MV and say what it does not explain.
-
-    Args:
-        window: The samples.
-        plant: The model, as identified when the process was in order.
-        settle_s: Left out at the beginning: until then the model remembers a past that nobody saw.
-
-    Raises:
-        ValueError: Nothing is left behind `settle_s`.
-    """
-    state = plant.rest()
-    answers = [plant.output(state)]
-    for mv, hold_s in zip(window.mv[:-1].tolist(), np.diff(window.t_s).tolist(), strict=True):
-        state, pv = plant.step(state, mv, hold_s)
-        answers.append(pv)
-    kept = window.t_s - window.t_s[0] >= settle_s
-    if np.count_nonzero(kept) < SAMPLES_MIN:
-        raise ValueError(f"fewer than {SAMPLES_MIN} samples behind the first {settle_s:g} s")
-    rms = float(np.std((window.pv - np.asarray(answers))[kept]))
-    floor = max(noise(window.pv[kept]), resolution(window.pv[kept]), 1e-9 * float(np.max(np.abs(window.pv))))
-    return PlantResidual(rms, rms / floor if floor > 0.0 else (math.inf if rms else 0.0))
-
-
-@dataclass(frozen=True, slots=True)
-class Statement:
-    """What the figures and the shadow together allow to say; `name` is stable."""
-
-    name: str
-    text: str
-
-
-def statement(found: Health, counts: Counts, residual: PlantResidual | None = None) -> Statement | None:
-    """Return what can be said about where a trouble lies; None when there is none, or nothing is known.
-
-    Only a shadow that matched the controller bit for bit, and not merely at rest, acquits the controller; then what
-    is left of a swing or of a plant residual lies behind MV.
-
-    Args:
-        found: Figures of the window.
-        counts: What the shadow said of the same time.
-        residual: What a model of the process leaves unexplained, when there is a model.
-    """
-    if counts.diverged:
-        return Statement(
-            "controller", "the controller differs from its reference: find out why before anything is tuned"
-        )
-    if not counts.informative:
-        return None
-    sticks = found.oscillates and found.stiction is not None and found.stiction.says == "stiction"
-    if residual is not None and not residual.is_nought:
-        evidence = f"the plant residual is {residual.ratio:.1f} times its noise"
-    elif sticks:
-        evidence = "MV and PV swing as they do with a sticking valve"
-    else:
-        if not found.oscillates or found.oscillation is None:
-            return None
-        return Statement(
-            "oscillation",
-            f"the controller computes what it should, and PV swings with a period of "
-            f"{found.oscillation.period_s:.3g} s: tuning, valve or a disturbance, not told apart",
-        )
-    return Statement(
-        "valve-or-process", f"the controller computes what it should, but {evidence}: valve or process, do not retune"
-    )
 
 
 def label(found: Health | None) -> str:

@@ -76,11 +76,17 @@ async def until_stopped(work: Coroutine[Any, Any, Result]) -> Result:
     with stop_event() as stop:
         task = asyncio.ensure_future(work)
         stopping = asyncio.ensure_future(stop.wait())
-        await asyncio.wait({task, stopping}, return_when=asyncio.FIRST_COMPLETED)
-        stopping.cancel()
-        if not task.done():
-            task.cancel()
         try:
-            return await task
+            await asyncio.wait({task, stopping}, return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            # Also when this waiting itself is cancelled: the link must not close before the gate has put things back.
+            stopping.cancel()
+            if not task.done():
+                task.cancel()
+                await asyncio.wait({task})
+            if not task.cancelled():
+                task.exception()
+        try:
+            return task.result()
         except asyncio.CancelledError:
             raise StateError("stopped; what was written has been put back") from None

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from textwrap import wrap
 
-from ahgateway.apps.health import Health, Statement
+from ahgateway.apps.health import Health
+from ahgateway.apps.health_process import Statement
 
 
 def health_lines(found: Health | None, said: Statement | None, units: tuple[str, str], width: int) -> list[str]:
