@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ahgateway.cli.repro import Repro
 from ahgateway.cli.tape import Record, Recorded
 from ahgateway.cli.view import Output, View
 
@@ -39,6 +40,7 @@ class Judged:
 def demo(
     output: Annotated[Output, typer.Option(help="text for people, json for one object per line.")] = Output.TEXT,
     record: Record = None,
+    repro: Repro = None,
 ) -> None:
     """See the whole thing work, without a PLC, in about 15 seconds.
 
@@ -50,14 +52,15 @@ def demo(
     """
     import asyncio
 
-    raise typer.Exit(asyncio.run(_demo(output, record)))
+    raise typer.Exit(asyncio.run(_demo(output, record, repro)))
 
 
-async def _demo(output: Output, record: str | None) -> int:
+async def _demo(output: Output, record: str | None, repro: str | None) -> int:
     import asyncio
 
     from ahgateway.apps.monitor import Monitor
     from ahgateway.cli.interrupt import stop_event
+    from ahgateway.cli.repro import reproduced
     from ahgateway.cli.tape import recorded
     from ahgateway.cli.targets import open_target
     from ahgateway.clock import SECOND, WallClock
@@ -80,11 +83,17 @@ async def _demo(output: Output, record: str | None) -> int:
             watched = Monitor(station, link, clock)
             tape = Recorded(record, profile_text=loaded.text)
             view = View(watched, clock, output, 0.0, f"ahgateway demo: {target}")
-            with stop_event() as stop, view, recorded(tape, station, clock, view.note) as sink:
+            with (
+                reproduced(repro, station) as divergences,
+                stop_event() as stop,
+                view,
+                recorded(tape, station, clock, view.note) as sink,
+            ):
                 _plant(plc, view)
                 async for report in watched.reports(duration_ns=round(DURATION_S * SECOND), stop=stop):
                     view.show(report)
                     sink.take(report)
+                    divergences.take(report)
             was_stopped = stop.is_set()
     finally:
         scanned.set()

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from ahgateway.cli.page import PORT, Page, Web, WebHost, WebPort
+from ahgateway.cli.repro import Repro
 from ahgateway.cli.tape import Keep, Record, Recorded, RecordFrames, RollHours, RollMb
 from ahgateway.cli.trace import Trace, traced
 from ahgateway.cli.view import Output, View
@@ -52,6 +53,7 @@ def monitor(
     roll_mb: RollMb = None,
     roll_hours: RollHours = None,
     keep: Keep = None,
+    repro: Repro = None,
     trace: Trace = None,
 ) -> None:
     """Follow every loop of a profile and compare each execution with the reference.
@@ -77,7 +79,9 @@ def monitor(
     tape = Recorded(record, record_frames, roll_mb, roll_hours, keep, loaded.text)
     with traced(trace, station) as tap:
         page = Page(web, web_port, web_host)
-        ran = _monitor(station, duration, output, coverage, tape, page, plain=plain, metrics=metrics, tap=tap)
+        ran = _monitor(
+            station, duration, output, coverage, tape, page, plain=plain, metrics=metrics, tap=tap, repro=repro
+        )
         raise typer.Exit(asyncio.run(ran))
 
 
@@ -92,10 +96,12 @@ async def _monitor(
     plain: bool,
     metrics: int | None,
     tap: Tap | None,
+    repro: str | None,
 ) -> int:
     from ahgateway.apps.board import Board
     from ahgateway.cli.interrupt import stop_event
     from ahgateway.cli.page import paged
+    from ahgateway.cli.repro import reproduced
     from ahgateway.cli.run import Taps, followed
     from ahgateway.cli.tape import recorded
     from ahgateway.clock import SECOND
@@ -119,6 +125,7 @@ async def _monitor(
         )
         say = board.note if board is not None and has_screen else view.note
         sink = stack.enter_context(recorded(tape, station, clock, say))
+        divergences = stack.enter_context(reproduced(repro, watched.station))
         taps.more(sink.frame)
         player = _played(watched, board)
         if board is not None:
@@ -138,6 +145,7 @@ async def _monitor(
                 board.take(report)
             view.show(report)
             sink.take(report)
+            divergences.take(report)
     return int(watched.outcome(coverage_min))
 
 

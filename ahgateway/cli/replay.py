@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ahgateway.cli.repro import Repro
 from ahgateway.cli.view import Output
 
 if TYPE_CHECKING:
@@ -45,6 +46,7 @@ def replay(
     coverage: Annotated[
         float, typer.Option(help="Smallest share of executions proven by bits for exit code 0.", min=0.0, max=1.0)
     ] = 0.0,
+    repro: Repro = None,
 ) -> None:
     """Follow a recording again and list every execution, term by term, PLC beside reference.
 
@@ -62,7 +64,7 @@ def replay(
     if bulk:
         raise typer.Exit(_bulk(file, one_part, tuple(loop or ()), changes, output))
     listing = _Listing(output, since, until, diverged, summary)
-    raise typer.Exit(_replay(file, one_part, tuple(loop or ()), changes, listing, coverage))
+    raise typer.Exit(_replay(file, one_part, tuple(loop or ()), changes, listing, coverage, repro))
 
 
 @contextlib.contextmanager
@@ -81,9 +83,16 @@ def _opened(file: str, one_part: bool) -> Iterator[Recording]:
 
 
 def _replay(
-    file: str, one_part: bool, loops: tuple[str, ...], changes: Changes, listing: _Listing, coverage_min: float
+    file: str,
+    one_part: bool,
+    loops: tuple[str, ...],
+    changes: Changes,
+    listing: _Listing,
+    coverage_min: float,
+    repro: str | None,
 ) -> int:
     from ahgateway.apps.replay import Comparison, Replay, ReplayMonitor, judged_again, judges
+    from ahgateway.cli.repro import reproduced
     from ahgateway.cli.run import recorded_clock
     from ahgateway.transports.replay import ReplayLink
 
@@ -93,9 +102,11 @@ def _replay(
         monitor = ReplayMonitor(again, ReplayLink(recording, clock), clock)
         then = Comparison(again)
         listing.open(again)
-        for report in again.reports():
-            then.take(report)
-            listing.show(report)
+        with reproduced(repro, again.station) as divergences:
+            for report in again.reports():
+                then.take(report)
+                listing.show(report)
+                divergences.take(report)
         listing.end(monitor, judges(recording), then.result() if changes.are_none else None, coverage_min)
     return int(monitor.outcome(coverage_min))
 

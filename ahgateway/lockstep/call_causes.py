@@ -64,7 +64,7 @@ def blame_call(loop: Loop, fit: Fit, before: Picture, after: Picture) -> Blame:
     ref = case.run()
     wrong = [name for name in case.names if key_of(ref[name]) != key_of(after.seen[name])]
     name = wrong[0] if wrong else loop.controller.roles.mv
-    return Blame(name, after.seen[name], ref[name], tuple(suspects))
+    return Blame(name, after.seen[name], ref[name], tuple(suspects), fit)
 
 
 def _switches(case: _Case) -> list[Suspect]:

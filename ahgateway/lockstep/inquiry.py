@@ -174,7 +174,7 @@ class Inquiry:
                 self.forget()
             return execution
         self._diverged += 1
-        if execution.blame.fit is None or execution.count > 1:
+        if self._loop.controller.begin is not None or execution.count > 1:
             self.forget()
             self.suspects = (
                 agreeing(self.suspects, execution.blame.suspects) or self.suspects or execution.blame.suspects

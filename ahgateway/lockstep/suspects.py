@@ -39,7 +39,7 @@ class Estimate:
 
     def text(self) -> str:
         """Return value and interval as people read them."""
-        return f"{self.value:.7g} ({self.low:.7g} to {self.high:.7g})"
+        return f"{self.value:.7g} ({self.low:.9g} to {self.high:.9g})"
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,6 +17,7 @@ ROOFS = {
     "pytest_plugin",
     "interrupt",
     "main",
+    "repro",
     "run",
     "page",
     "tape",
