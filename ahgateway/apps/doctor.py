@@ -14,6 +14,7 @@ from statistics import median
 
 from ahgateway.clock import MILLISECOND, SECOND, Clock
 from ahgateway.codec.access import Read, Table
+from ahgateway.codec.can_cycle import MICROSECOND
 from ahgateway.codec.station import Loop, Station
 from ahgateway.errors import AhGatewayError, LinkError, PlcRefusedError, TransportError
 from ahgateway.lockstep.follow import cycle_ns
@@ -190,6 +191,9 @@ async def measure(station: Station, loop: Loop, link: Link, clock: Clock) -> tup
             for read in requests:
                 reply = await link.exchange(read)
                 took[read].append(reply.last_ns - reply.sent_ns)
+            if link.figures.cycles is not None and station.can is not None:
+                # Answers come from the last cycle at once; there is one picture a SYNC and no more.
+                await clock.sleep_ns(station.can.sync.period_us * MICROSECOND)
             pictures.append(clock.now_ns() - started_ns)
     except AhGatewayError as error:
         times = tuple(RequestTime(read, floors[read], tuple(each)) for read, each in took.items())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -17,9 +18,11 @@ from transports.can.can_bench import fake_plc, served, station
 
 from ahgateway.clock import WallClock
 from ahgateway.codec.access import Read, Table
+from ahgateway.codec.can_frame import CanFrame
 from ahgateway.codec.station import Pacing
 from ahgateway.errors import LinkError, TransportError
 from ahgateway.schema.profile import load
+from ahgateway.transports.can.bus import bus_for
 from ahgateway.transports.can.link import SdoLink
 from ahgateway.transports.uri import open_link, parse_uri
 
@@ -88,6 +91,21 @@ async def test_the_link_works_is_unplugged_within_a_second_and_comes_back(cable:
         assert link.figures.reconnects >= 1
         assert link.figures.first_cause
         await link.close()
+
+
+@pytest.mark.slow
+async def test_what_waited_in_the_driver_before_we_opened_it_is_not_taken_for_fresh(cable: Cable) -> None:
+    """300 SYNCs of before, then a heartbeat: only the heartbeat is of now."""
+    adapter = os.open(cable.ends[0], os.O_RDWR | os.O_NOCTTY)
+    os.write(adapter, b"t0800\r" * 300)
+    bus, got = bus_for(parse_uri(cable.target(1)), WallClock()), asyncio.Queue[CanFrame]()
+    bus.subscribe(got.put_nowait)
+    await bus.open()
+    os.write(adapter, b"t703105\r")
+    async with asyncio.timeout(10):
+        assert 0x703 == (await got.get()).can_id
+    await bus.close()
+    os.close(adapter)
 
 
 def run(*arguments: str) -> str:

@@ -24,6 +24,10 @@ OPEN_TIMEOUT_S = 5.0
 SETTLE_MS = 2000
 """After a serial adapter's port is opened it may restart; python-can waits as long."""
 
+BACKLOG_NS_MAX = 300_000_000
+BACKLOG_PAUSE_S = 0.003
+"""A backlog comes without pauses; on a bus that has none itself the first 0.3 s go with it."""
+
 QUICK = frozenset({"virtual", "socketcan", "udp_multicast"})
 """Interfaces whose `send` does not wait for a wire; others send from a thread of their own."""
 
@@ -236,6 +240,13 @@ class CanBus:
             self._tap(Frame(direction, pack(frame), now_ns, utc_ns))
 
 
+def _forget_backlog(raw: RawBus, clock: Clock) -> None:
+    """Drop what a driver kept from before we opened it: with our time stamps it would look fresh."""
+    ends_ns = clock.now_ns() + BACKLOG_NS_MAX
+    while clock.now_ns() < ends_ns and raw.recv(timeout=BACKLOG_PAUSE_S) is not None:
+        pass
+
+
 def channel(target: Target) -> str:
     """Return python-can's channel: a serial port's path gets back the slash that a URI takes."""
     path = target.path
@@ -255,6 +266,7 @@ def bus_for(target: Target, clock: Clock, tap: Tap | None = None, *, is_listen_o
 
     def opener() -> RawBus:
         raw = can.Bus(interface=interface, channel=channel(target), ignore_config=True, **options)
+        _forget_backlog(raw, clock)
         if is_listen_only and interface not in ("slcan", "virtual"):
             try:
                 raw.state = can.BusState.PASSIVE
