@@ -146,10 +146,10 @@ async def _commission(loaded: Profile, station: Station, loop: Loop, wishes: Wis
         work = Commission(
             station, loop, link_maker(sink.tap), clock, progress,
             path=asked.state, gates=stack.enter_context(gate_directory(station, asked.directory)), maps=maps,
-            who=asked.by, witness=sink.witness(loop),
+            who=asked.by, witness=sink.witness(loop), begins=_begins(station, wishes),
         )  # fmt: skip
         _resumed(progress)
-        await until_stopped(work.run(wishes, _said, consent=_consent(station, asked.auto)))
+        await until_stopped(work.run(wishes, _said, consent=_consent(station, loop, asked.auto)))
     _changes(loaded, work, asked.save)
     heading = sheet.Heading(asked.by, asked.instruments, asked.remarks)
     utc_ns = clock.utc_ns()
@@ -207,10 +207,27 @@ def _resumed(progress: Progress) -> None:
         typer.echo(f"steps {', '.join(done)} are done already; --fresh does them again", err=True)
 
 
+def _begins(station: Station, wishes: Wishes) -> Callable[[Step], None]:
+    """Say each step before it begins, and how long it can take where nobody would wait without a word."""
+    from ahgateway.clock import SECOND
+
+    is_network = "tcp" in station.target.partition("://")[0]
+    idle = f"; a connection is left idle for up to {wishes.patience.idle_ns / SECOND:g} s"
+    waits = {
+        1: f"a silent PLC is searched for up to {wishes.patience.search_ns / SECOND:g} s{idle if is_network else ''}",
+        3: f"{wishes.executions} executions, at most {wishes.observe_ns / SECOND:g} s",
+    }
+
+    def say(step: Step) -> None:
+        wait = f" ({waits[step.value]})" if step.value in waits else ""
+        typer.echo(f"{step.value} {step.title}{wait}", err=True)
+
+    return say
+
+
 def _said(step: Step, checks: Sequence[Check]) -> None:
     from ahgateway.apps.commission.catalogue import CATALOGUE
 
-    typer.echo(f"{step.value} {step.title}", err=True)
     reasons = {check.text for check in checks}
     if len(reasons) == 1 and len(checks) > 1 and checks[0].outcome.value == "skipped":
         first, last = (CATALOGUE[check.name].code for check in (checks[0], checks[-1]))
@@ -223,22 +240,34 @@ def _said(step: Step, checks: Sequence[Check]) -> None:
             typer.echo(f"       hint: {kind.do}", err=True)
 
 
-def _consent(station: Station, auto: bool) -> Callable[[Envelope], bool]:
-    def ask(bounds: Envelope) -> bool:
-        from ahgateway.clock import SECOND
+def _consent(station: Station, loop: Loop, auto: bool) -> Callable[[Envelope], bool]:
+    """Ask before the process is moved, with what is written where, and what ends the test."""
 
-        text = (
-            f"step 5 moves the process: {bounds.operand} by {bounds.step:g} each way, "
-            f"PV within {bounds.pv_low:g}…{bounds.pv_high:g}, "
-            f"at most {bounds.total_ns / SECOND / 60:g} min"
-        )
+    def ask(bounds: Envelope) -> bool:
+        typer.echo(_announced(station, loop, bounds), err=True)
         if auto or not sys.stdin.isatty():
             is_safe = station.bench or station.target.startswith("fake://")
-            typer.echo(f"{text}; {'a bench, it goes on' if is_safe else 'a plant: needs a person, left out'}", err=True)
+            typer.echo(f"  {'a bench, it goes on' if is_safe else 'a plant: needs a person, left out'}", err=True)
             return is_safe
-        return typer.confirm(f"{text}; go on?", default=False, err=True)
+        return typer.confirm("  go on?", default=False, err=True)
 
     return ask
+
+
+def _announced(station: Station, loop: Loop, bounds: Envelope) -> str:
+    from ahgateway.clock import SECOND
+
+    roles = loop.controller.roles
+    where = {name: f"{name} {loop.bindings[name]}" for name in (roles.manual, roles.mout)}
+    limits = [f"{name} {loop.bindings[name]}" for name in ("MV_MAX", "MV_MIN") if name in loop.writes]
+    lines = [
+        f"  this moves the process of {loop.name} at {station.target} unit {station.unit}:",
+        f"  {where[roles.manual]} to manual and back, {where[roles.mout]} by {bounds.step:g} {loop.mv_unit} each way",
+        *([f"  {' and '.join(limits)} to half a step beside MV and back"] if limits else []),
+        f"  it ends, and everything goes back, when PV leaves {bounds.pv_low:.6g}…{bounds.pv_high:.6g} {loop.pv_unit}, "
+        f"when anybody else writes, at Ctrl-C, or after {bounds.total_ns / SECOND / 60:g} min",
+    ]
+    return "\n".join(lines)
 
 
 def _changes(loaded: Profile, work: Commission, save: bool) -> None:

@@ -511,6 +511,19 @@ def restarted(shadow: Shadow) -> Shadow:
     return merged([*shadow, *fresh])
 
 
+def began_anew(loop: Loop, before: Picture, after: Picture) -> bool:
+    """Tell whether one execution between two pictures comes out by bits where the instruction had lost its history.
+
+    So it is behind a restart that kept its registers; where nothing hidden can be recalled, nothing is told.
+    """
+    variants = input_variants(loop, before, after)
+    known = recalled(loop, variants, before.seen)
+    if not known or not hasattr(known[0].low, "valid"):
+        return False
+    fresh = merged([Bound(each.low._replace(valid=False), each.high._replace(valid=False)) for each in known])
+    return bool(explain(loop, fresh, variants, after.seen, judged_names(loop)).fits)
+
+
 def is_roughly_bounded(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
     """Tell whether a miss says nothing, because the ends of an open bound need not enclose the truth.
 

@@ -135,6 +135,10 @@ DEFECTS = [
         "a restart that loses everything", "restarted",
         plant=lambda b: b.later(2.0, lambda plc: plc.restart(is_retained=False)), also=LOST,
     ),
+    Defect(
+        "a restart that keeps its registers", "restarted",
+        plant=lambda b: b.later(2.0, lambda plc: plc.restart(is_retained=True)), also=frozenset({"diverged"}),
+    ),
     Defect("STOP in between", "restarted", plant=lambda b: b.later(2.0, lambda plc: plc.stop()),
            also=frozenset({"plc-stopped"})),
     Defect("wrong arithmetic", "diverged", plant=lambda b: (moved_gain(b), disturbed(b)),

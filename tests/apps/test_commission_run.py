@@ -25,12 +25,16 @@ from ahgateway.apps.commission.checks import (
     unclear,
 )
 from ahgateway.apps.commission.link import amended
+from ahgateway.apps.commission.observe import Observation, observe
+from ahgateway.apps.commission.reading import judge_shadow
 from ahgateway.apps.commission.wiring import Envelope, envelope
 from ahgateway.codec.access import Table
+from ahgateway.codec.block import COUNTER
 from ahgateway.codec.devices import parse_device
 from ahgateway.core.verdict import Exit
 from ahgateway.errors import LinkError, ProfileError, StateError
 from ahgateway.lockstep.gate.gate import Gate
+from ahgateway.lockstep.gate.journal import verify
 
 DOCS = Path(__file__).parents[2] / "docs" / "reference"
 
@@ -94,6 +98,39 @@ async def test_a_marker_lands_where_it_is_read_and_is_taken_away_again(tmp_path)
     checks = await bench.commission(replace(WISHES, is_armed=False, is_marked=True))
     assert "0x12345678 at D900 reads 5678 1234; ISPSoft shows 305419896 there while it stands" == checks["marker"].text
     assert [(900, (0x5678, 0x1234)), (900, (7, 8))] == [(each.address, each.values) for each in bench.plc.writes]
+
+
+async def test_a_sheet_has_the_journal_s_last_hash_whatever_wrote(tmp_path) -> None:
+    """Here only the marker did, in step 2; and a sheet before any write says that there was none."""
+    bench = Bench(tmp_path, changes={"scratch": parse_device("D900")})
+    heading = sheet.Heading()
+    await bench.commission(replace(WISHES, is_armed=False))
+    text = sheet.html(bench.progress, bench.station, bench.loop(), heading, 0)
+    assert "nothing was ever written to this loop from this machine" in text
+    await bench.commission(replace(WISHES, is_armed=False, is_marked=True))
+    (path,) = (tmp_path / "gates").glob("*.jsonl")
+    text = sheet.html(bench.progress, bench.station, bench.loop(), heading, 0)
+    assert f"--anchor {verify(path).last}" in text
+
+
+async def test_a_count_that_begins_anew_is_a_restart_and_one_that_goes_round_is_none(tmp_path) -> None:
+    bench = Bench(tmp_path)
+    seen = await observe(bench.station, bench.loop(), await bench.open(bench.station), bench.clock, executions=3)
+    first, second = seen.pictures[:2]
+
+    def said(before: int, after: int) -> tuple[Outcome, str]:
+        counts = [
+            replace(picture, words={**picture.words, COUNTER: (count,)})
+            for picture, count in ((first, before), (second, after))
+        ]
+        check = judge_shadow(bench.loop(), Observation(counts), 0.0)[-1]
+        return check.outcome, check.text
+
+    assert (Outcome.FAIL, "the program counted 812 executions and then 3: it restarted and kept its registers") == said(
+        812, 3
+    )
+    assert Outcome.PASS is said(65_534, 2)[0]
+    assert Outcome.PASS is said(812, 813)[0]
 
 
 async def test_without_scratch_words_or_consent_there_is_no_marker(tmp_path) -> None:

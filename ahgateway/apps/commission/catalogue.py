@@ -119,7 +119,8 @@ _ROWS = (
     ("AHG403", "link-lost", Step.SHADOW, "The link stayed up during the observation.",
      "What happened meanwhile is not known.", "Cable, converter, other masters."),
     ("AHG404", "restarted", Step.SHADOW, "The PLC did not restart or lose its registers meanwhile.",
-     "A restart loses history, and perhaps parameters.", "Are the operands in a latched area?"),
+     "A restart loses history, and perhaps parameters; one that keeps its registers is told by the execution that "
+     "began anew, or by the program's count.", "Are the operands in a latched area? Look for a power cut."),
     ("AHG501", "pv-does-not-answer", Step.WIRING, "PV moves when MOUT moves.",
      "Output, actuator, process and sensor are not one loop.", "Follow the signal from MV to the valve and back."),
     ("AHG502", "wrong-direction", Step.WIRING, "PV moves the way that PID_DIR needs.",

@@ -8,7 +8,7 @@ from typing import Any
 
 from ahgateway.clock import MILLISECOND, SECOND, Clock
 from ahgateway.codec.station import Loop, Station
-from ahgateway.core.verdict import Counts
+from ahgateway.core.verdict import Counts, Verdict
 from ahgateway.errors import PlcRefusedError, TransportError
 from ahgateway.lockstep.events import Change, Finding
 from ahgateway.lockstep.follow import Event, Follower, cycle_ns, output_of, process_value_of, target_of
@@ -38,6 +38,7 @@ class Observation:
         outages: Why the link was lost, once for each time.
         refused: Why the loop's registers cannot be read, empty when they can.
         torn: Pictures into which an execution fell.
+        diverged: The pictures before and behind each execution that diverged.
     """
 
     pictures: list[Picture] = field(default_factory=list)
@@ -48,6 +49,7 @@ class Observation:
     outages: list[str] = field(default_factory=list)
     refused: str = ""
     torn: int = 0
+    diverged: list[tuple[Picture, Picture]] = field(default_factory=list)
 
     @property
     def executions(self) -> list[Execution]:
@@ -136,6 +138,8 @@ async def observe(
             seen.pictures.append(picture)
             events = follower.see(picture)
             seen.events.extend(events)
+            if any(isinstance(event, Execution) and event.verdict is Verdict.DIVERGED for event in events):
+                seen.diverged.append((seen.pictures[-2], picture))
             counted += sum(event.count for event in events if isinstance(event, Execution))
             poll_ns = min(max(cycle_ns(loop, picture) // POLLS_PER_CYCLE, POLL_MIN_NS), POLL_MAX_NS)
         await clock.sleep_ns(begun_ns + poll_ns - clock.now_ns())

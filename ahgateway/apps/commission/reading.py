@@ -21,6 +21,7 @@ from ahgateway.core.verdict import Exit, outcome, reason
 from ahgateway.lockstep.follow import cycle_ns, output_of, process_value_of, target_of
 from ahgateway.lockstep.gate.change import shown
 from ahgateway.lockstep.picture import Picture
+from ahgateway.lockstep.shadow import began_anew
 
 NOISE_MAX = 0.01
 """Standard deviation of PV's noise, as a share of its range."""
@@ -29,6 +30,10 @@ QUANTUM_MAX = 0.002
 MOVED = 0.005
 """MV has moved when it covered this share of its range."""
 PICTURES_MIN = 12
+WRAPS_FROM = 65_000
+"""From here on a count that falls has gone round, not begun anew."""
+ANEW_MAX = 2
+"""More divergences than these are another law, not a restart."""
 LOST_MIN = 4
 """So many operands that become 0 at once are a restart, not a person."""
 
@@ -56,7 +61,7 @@ def read_loop(station: Station, loop: Loop, seen: Observation) -> list[Check]:
     ]
 
 
-def judge_shadow(seen: Observation, coverage_min: float) -> list[Check]:
+def judge_shadow(loop: Loop, seen: Observation, coverage_min: float) -> list[Check]:
     """Return the checks of step 4."""
     counts = seen.counts
     facts = {
@@ -84,19 +89,30 @@ def judge_shadow(seen: Observation, coverage_min: float) -> list[Check]:
         if seen.outages
         else passed("link-lost", "it stayed up")
     )
-    checks.append(_restarted(seen))
+    checks.append(_restarted(loop, seen))
     return checks
 
 
-def _restarted(seen: Observation) -> Check:
+def _restarted(loop: Loop, seen: Observation) -> Check:
+    """A restart, as far as it leaves a trace: lost registers, STOP, a count or an instruction that began anew."""
     for before, after in pairwise(seen.pictures):
         lost = [name for name, words in before.words.items() if any(words) and not any(after.words[name])]
         if len(lost) >= LOST_MIN:
             return failed("restarted", f"the registers were lost meanwhile: {', '.join(lost)} read 0 all at once")
+        if before.count is not None and after.count is not None and after.count < before.count <= WRAPS_FROM:
+            text = f"the program counted {before.count} executions and then {after.count}"
+            return failed("restarted", f"{text}: it restarted and kept its registers")
     stops = seen.found("plc-stopped")
     if stops is not None and seen.pictures and seen.pictures[0].running:
         return failed("restarted", "the PLC went to STOP meanwhile")
-    return passed("restarted", "no sign of a restart")
+    anew = [after for before, after in seen.diverged if began_anew(loop, before, after)]
+    if anew and len(seen.diverged) <= ANEW_MAX:
+        at_s = (anew[0].last_ns - seen.pictures[0].last_ns) / SECOND
+        text = f"the execution {at_s:.1f} s after the first picture comes out by bits if the instruction began anew"
+        return failed("restarted", f"{text}: a restart that kept its registers, or EN was off meanwhile")
+    return passed(
+        "restarted", "no sign of one; one that keeps its registers shows only where the instruction began anew"
+    )
 
 
 def _in_run(seen: Observation) -> Check:

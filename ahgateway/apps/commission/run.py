@@ -20,12 +20,17 @@ from ahgateway.codec.words import decode
 from ahgateway.core.operands import Kind
 from ahgateway.errors import AhGatewayError, TransportError
 from ahgateway.lockstep.gate.gate import Gate
+from ahgateway.lockstep.gate.journal import verify
+from ahgateway.lockstep.gate.place import journal_path
 from ahgateway.lockstep.patient import Patient
 from ahgateway.lockstep.picture import Picture
 from ahgateway.transports.base import Link
 
 Said = Callable[[Step, Sequence[Check]], None]
 """Told of each step when it is done."""
+
+Begins = Callable[[Step], None]
+"""Told of each step when it begins."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +78,7 @@ class Commission:
         maps: Device maps to try when the profile's own does not fit.
         who: Who asks.
         witness: Keeps what is seen and written.
+        begins: Told of each step when it begins.
     """
 
     def __init__(
@@ -88,13 +94,14 @@ class Commission:
         maps: Sequence[DeviceMap] = (),
         who: str = "",
         witness: Witness | None = None,
+        begins: Begins = lambda step: None,
     ) -> None:
         self.station, self.loop, self.progress = station, loop, progress
         self.changes: dict[str, str | int] = {}
         self._opener, self._clock, self._path, self._gates, self._maps, self._who = (
             opener, clock, path, gates, maps, who,
         )  # fmt: skip
-        self._seen: observe.Observation | None = None
+        self._begins = begins
         self._witness = witness or Witness(loop, None)
 
     async def run(self, wishes: Wishes, said: Said, *, consent: Callable[[wiring.Envelope], bool]) -> None:
@@ -113,6 +120,7 @@ class Commission:
         link = await self._opener(self.station)
         try:
             if not self.progress.is_done(Step.MAP):
+                self._begins(Step.MAP)
                 checks = await self._guarded(
                     "no-loop-there", mapping.settle(self.station, self.loop, Patient(link, self._clock), self._maps)
                 )
@@ -130,6 +138,7 @@ class Commission:
     async def _link(self, wishes: Wishes, said: Said) -> bool:
         if self.progress.is_done(Step.LINK):
             return True
+        self._begins(Step.LINK)
         found, checks = await link_step.find(
             self.station, self.loop, self._opener, self._clock, self._witness.see, patience=wishes.patience
         )
@@ -152,22 +161,24 @@ class Commission:
         return await mapping.mark(gate, link)
 
     async def _observe(self, link: Link, wishes: Wishes, said: Said) -> None:
+        self._begins(Step.LOOP)
         seen = await observe.observe(
             self.station, self.loop, link, self._clock, executions=wishes.executions, duration_ns=wishes.observe_ns,
             sees=self._witness.see,
         )  # fmt: skip
-        self._seen = seen
         if seen.pictures:
             self.progress.facts.setdefault("as_found", operands(self.loop, seen.pictures[0]))
             self.progress.facts["trace"] = seen.trace(self.loop)
         self._done(Step.LOOP, reading.read_loop(self.station, self.loop, seen), said)
-        self._done(Step.SHADOW, reading.judge_shadow(seen, wishes.coverage_min), said)
+        self._begins(Step.SHADOW)
+        self._done(Step.SHADOW, reading.judge_shadow(self.loop, seen, wishes.coverage_min), said)
 
     async def _wiring(self, link: Link, wishes: Wishes, said: Said, consent: Callable[[wiring.Envelope], bool]) -> None:
         reason = "" if wishes.is_armed else f"not armed: --arm {self.loop.name} allows it"
         failed = [check.name for check in self.progress.steps.get(Step.LOOP, ()) if check.outcome is Outcome.FAIL]
         reason = reason or (f"not before step 3 is clean: {', '.join(failed)}" if failed else "")
         gate = self._gate(link)
+        self._begins(Step.WIRING)
         try:
             if not reason:
                 bounds = await self._envelope(link, wishes)
@@ -176,7 +187,6 @@ class Commission:
                         gate, self.station, self.loop, link, self._clock, bounds, self._witness.see
                     )
                     self.progress.facts["wiring_trace"] = proof.trace
-                    self.progress.facts["journal"] = {"file": str(gate.path), "hash": gate.anchor}
                     self._done(Step.WIRING, proof.checks, said)
                     return
                 reason = "nobody consented"
@@ -195,7 +205,11 @@ class Commission:
         seen = await self._glance(link, 1)
         if seen.pictures:
             self.progress.facts["as_left"] = operands(self.loop, seen.pictures[-1])
-            self._keep()
+        path = journal_path(self._gates, self.station, self.loop)
+        if path.exists():
+            # Also what another command wrote: whatever stands before this hash cannot be changed any more.
+            self.progress.facts["journal"] = {"file": str(path), "hash": verify(path).last}
+        self._keep()
 
     async def _glance(self, link: Link, executions: int) -> observe.Observation:
         return await observe.observe(

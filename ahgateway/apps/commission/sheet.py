@@ -112,7 +112,7 @@ def plot(trace: Mapping[str, Sequence[float]], loop: Loop) -> str:
     """Return SV, PV and MV over time as inline SVG."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(7.2, 3.2), layout="constrained")
+    figure = Figure(figsize=(7.2, 2.7), layout="constrained")
     upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     upper.plot(trace["t"], trace["SV"], color="#888888", linestyle="--", label="SV")
     upper.plot(trace["t"], trace["PV"], color="#1f4e9c", linewidth=1.0, label="PV")
@@ -143,7 +143,8 @@ th { background: #eee; } tr { break-inside: avoid; } td.n { text-align: right; f
 .changed { background: #fdf1cf; font-weight: bold; } .mono { font-family: monospace; overflow-wrap: anywhere; }
 .verdict { font-size: 13pt; font-weight: bold; padding: 1.5mm 3mm; display: inline-block; border: 0.6pt solid #444; }
 figure { margin: 2mm 0; break-inside: avoid; } svg { width: 100%; height: auto; }
-.sign td { height: 11mm; width: 33%; }
+.sign td { height: 11mm; width: 33%; } .end { break-inside: avoid; }
+.code { width: 15mm; } .check { width: 38mm; } .outcome { width: 20mm; }
 </style></head><body>
 <h1>{{ sheet.loop.name }} <small>{{ sheet.loop.instruction }}</small></h1>
 <p class="verdict {{ {'PASS': 'pass', 'FAIL': 'fail'}.get(sheet.verdict, 'inconclusive') }}">{{ sheet.verdict }}</p>
@@ -158,7 +159,8 @@ unit {{ sheet.station.unit }}</td></tr>
 </table>
 {% for step in steps %}
 <h2>{{ step.number }} {{ step.title|capitalize }} <small>{{ step.when }}</small></h2>
-{% if step.rows %}<table><tr><th>Code</th><th>Check</th><th>Outcome</th><th>What was seen</th></tr>
+{% if step.rows %}<table>
+<tr><th class="code">Code</th><th class="check">Check</th><th class="outcome">Outcome</th><th>What was seen</th></tr>
 {% for row in step.rows %}<tr><td>{{ row.kind.code }}</td><td>{{ row.kind.name }}</td>
 <td class="{{ row.outcome }}">{{ row.outcome }}</td><td>{{ row.text }}
 {%- if row.outcome == 'fail' %}<br><i>{{ row.kind.do }}</i>{% endif %}</td></tr>
@@ -171,14 +173,14 @@ unit {{ sheet.station.unit }}</td></tr>
 <td>{{ row.device }}</td><td class="n">{{ row.as_found|cell }}</td>
 <td class="n">{{ row.as_left|cell }}</td><td>{{ row.unit }}</td></tr>
 {% endfor %}</table>
-<h2>Journal</h2>
+<div class="end"><h2>Journal</h2>
 <p class="mono">{% if journal %}{{ journal.file }}<br>last hash {{ journal.hash }}
-{%- else %}nothing was written to the PLC{% endif %}</p>
+{%- else %}nothing was ever written to this loop from this machine{% endif %}</p>
 <p>Profile <span class="mono">{{ sheet.profile }}</span>, ahgateway {{ sheet.version }}.
 {% if journal %}Check with
 <span class="mono">ahgateway journal verify FILE --anchor {{ journal.hash }}</span>.{% endif %}</p>
 <h2>Signatures</h2>
 <table class="sign"><tr><th>Commissioned by</th><th>Operations</th><th>Date</th></tr>
-<tr><td></td><td></td><td></td></tr></table>
+<tr><td></td><td></td><td></td></tr></table></div>
 </body></html>
 """
