@@ -30,6 +30,8 @@ class Row(NamedTuple):
 
 KINDS: dict[str, Row] = {
     "heartbeat": Row("ahgateway.codec.lease_text:heartbeat", "lease"),
+    "recorder": Row("ahgateway.codec.recorder_text:recorder", "recorder"),
+    "trigger": Row("ahgateway.codec.recorder_text:trigger", "trigger"),
 }
 """Kind of snippet to who makes it."""
 
@@ -37,7 +39,15 @@ Kind = Enum("Kind", {name: name for name in KINDS}, type=str)  # type: ignore[mi
 
 
 def plc_code(
-    kind: Annotated[Kind, typer.Argument(help="heartbeat: the PLC puts a loop back when the gateway vanishes.")],
+    kind: Annotated[
+        Kind,
+        typer.Argument(
+            help=(
+                "heartbeat: the PLC puts a loop back when the gateway vanishes; recorder: it records every scan or "
+                "call; trigger: it lets one execution through at a time."
+            )
+        ),
+    ],
     profile: Annotated[str, typer.Argument(help="Profile file, or the name of a shipped example such as `demo`.")],
     loop: Annotated[
         str | None, typer.Option(metavar="LOOP", help="This loop only; all that have one otherwise.")

@@ -1,7 +1,7 @@
 """The layout of our own recorder: made from a loop's operands, so that a profile needs to say only where the ring is.
 
 A record is: its number, the time, words of flags, the operands in the instruction's order and what is known of its
-memory, its number again. The snippet's own words follow the head: head, number, time.
+memory, its number again. The snippet's own words follow the head.
 """
 
 from __future__ import annotations
@@ -18,9 +18,12 @@ RANGE = 30_000
 TIME_UNIT_NS = 10_000_000
 """An interval task of this period counts the time: the only clock of a program that some manual describes."""
 
+FLAG_BITS = WORD_BITS - 1
+"""Flags in a word: all but the one that would be its sign."""
+
 SEQUENCE, TIME, FLAGS = 0, 1, 2
-SNIPPET_WORDS = 3
-"""Words from the head on that the snippet uses: next slot, number, time."""
+SNIPPET_WORDS = 7
+"""Words from the head on that the snippet uses: next slot, number, time, and four for itself."""
 
 
 def recordable(loop: Loop) -> tuple[str, ...]:
@@ -37,14 +40,29 @@ def recordable(loop: Loop) -> tuple[str, ...]:
     return (*found, block.EN) if loop.en is not None and block.EN not in found else tuple(found)
 
 
+def watched_words(loop: Loop) -> list[tuple[str, int]]:
+    """Return what shows an execution, word by word: the name of each seen value and which of its words."""
+    return [
+        (seen.name, word)
+        for seen in loop.controller.seen
+        if not isinstance(loop.bindings[seen.operand], Const)
+        for word in range(block.field_words(loop, seen.name))
+    ]
+
+
+def trigger_words(loop: Loop) -> int:
+    """Return how many words the trigger takes from its counter on."""
+    return 1 if loop.interval_ms is not None else 3 + len(watched_words(loop))
+
+
 def standard(
     loop: Loop, ring: Device, head: Device, records: int, each: Each, unrecorded: frozenset[str] = frozenset()
 ) -> Recorder:
     """Return the layout of our own snippet for this loop."""
     names = [name for name in recordable(loop) if name not in unrecorded]
     bits = [name for name in names if block.field_words(loop, name) == 0]
-    fields = {name: Place(FLAGS + at // WORD_BITS, at % WORD_BITS) for at, name in enumerate(bits)}
-    first = Place(FLAGS + len(bits) // WORD_BITS, len(bits) % WORD_BITS)
+    fields = {name: Place(FLAGS + at // FLAG_BITS, at % FLAG_BITS) for at, name in enumerate(bits)}
+    first = Place(FLAGS + len(bits) // FLAG_BITS, len(bits) % FLAG_BITS)
     offset = first.offset + 1
     for name in names:
         words = block.field_words(loop, name)

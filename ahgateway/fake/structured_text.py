@@ -1,26 +1,27 @@
 """Structured Text as the fake PLC runs it: the very text that `plc-code` writes, bound to the memory once.
 
 Only what that text uses is understood: `device := expression;`, IF with THEN, ELSIF, ELSE and END_IF, the comparisons,
-`+`, AND, OR, NOT, TRUE, FALSE, numbers and 16#…, comments. Words are unsigned and wrap at 65536. What it does not
-understand is refused when the text is read, not when it runs.
+`+`, AND, OR, NOT, TRUE, FALSE, numbers and 16#…, words of an array, comments. Words are unsigned and wrap at
+65536. What it does not understand is refused when the text is read, not when it runs.
 """
 
 from __future__ import annotations
 
 import operator
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 from ahgateway.codec.devices import parse_device
 from ahgateway.errors import CodecError, StateError
-from ahgateway.fake.memory import Memory
+from ahgateway.fake.memory import Memory, Words
 
 Expression = Callable[[], int]
 Statement = Callable[[], None]
 
 _TOKEN = re.compile(
-    r"\s+|\(\*.*?\*\)|(?P<token>16#[0-9A-Fa-f]+|\d+|[A-Za-z_][A-Za-z_0-9]*(?:\.\d+)?|:=|<>|<=|>=|[=<>+();])", re.DOTALL
+    r"\s+|\(\*.*?\*\)|(?P<token>16#[0-9A-Fa-f]+|\d+|[A-Za-z_][A-Za-z_0-9]*(?:\.\d+)?|:=|<>|<=|>=|[=<>+();\[\]])",
+    re.DOTALL,
 )
 _COMPARE: dict[str, Callable[[int, int], bool]] = {
     "=": operator.eq, "<>": operator.ne, "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge,
@@ -29,20 +30,26 @@ _ENDS = frozenset({"ELSE", "ELSIF", "END_IF", ""})
 WORD = 0xFFFF
 
 
-def program(text: str, memory: Memory) -> Statement:
+def program(text: str, memory: Memory, arrays: Mapping[str, Words] | None = None) -> Statement:
     """Return what one call of the text does to the memory.
+
+    Args:
+        text: Structured Text.
+        memory: The PLC's memory.
+        arrays: Arrays of words that the text takes for declared, by name.
 
     Raises:
         StateError: The text uses what this subset has not, or a device that the map has not.
     """
-    return _Reader(text, memory).program()
+    return _Reader(text, memory, arrays or {}).program()
 
 
 class _Reader:
     """Recursive descent over the tokens; every rule returns what it does, bound to the memory."""
 
-    def __init__(self, text: str, memory: Memory) -> None:
+    def __init__(self, text: str, memory: Memory, arrays: Mapping[str, Words]) -> None:
         self._memory = memory
+        self._arrays = arrays
         self._tokens = list(_tokens(text))
         self._at = 0
 
@@ -147,6 +154,8 @@ class _Reader:
 
     def _device(self, name: str) -> tuple[Expression, Callable[[int], None]]:
         """What reads a word or a flag, and what writes it."""
+        if name in self._arrays:
+            return self._element(self._arrays[name])
         try:
             device = parse_device(name)
             place = self._memory.devices.address(device)
@@ -161,6 +170,17 @@ class _Reader:
             words[0] = value & WORD
 
         return lambda: int(words[0]), put
+
+    def _element(self, words: Words) -> tuple[Expression, Callable[[int], None]]:
+        """What reads and writes the word of an array whose number follows in brackets."""
+        self._take("[")
+        index = self._sum()
+        self._take("]")
+
+        def put(value: int) -> None:
+            words[index()] = value & WORD
+
+        return lambda: int(words[index()]), put
 
 
 def _tokens(text: str) -> Iterator[str]:

@@ -13,8 +13,9 @@ from typing import Any
 
 from ahgateway.clock import MILLISECOND
 from ahgateway.codec.block import EN
+from ahgateway.codec.record_layout import RANGE
 from ahgateway.codec.station import Loop
-from ahgateway.codec.ways import COUNTS, Each, Place, Recorder
+from ahgateway.codec.ways import Each, Place, Recorder
 from ahgateway.fake.memory import BitCell, Memory, Words
 from ahgateway.fake.program import PidItem
 from ahgateway.fake.wiring import Wiring
@@ -99,7 +100,7 @@ class _Trigger:
                 return
         self._gathered_ns = 0
         self._coil.put(False)
-        self._count[0] = (int(self._count[0]) + 1) % COUNTS
+        self._count[0] = (int(self._count[0]) + 1) % RANGE
 
 
 class RecorderItem:

@@ -18,7 +18,7 @@ import numpy as np
 
 from ahgateway.clock import MILLISECOND, SECOND
 from ahgateway.codec.station import Loop
-from ahgateway.codec.ways import COUNTS, Each
+from ahgateway.codec.ways import COUNTS, Each, Way
 from ahgateway.core.real import same_bits
 from ahgateway.core.verdict import Counts, Verdict
 from ahgateway.lockstep.call_shadow import changed as changed_beside_calls
@@ -183,10 +183,11 @@ class Follower:
         return self._set(STALE_PV, not same_bits(used, held), detail)
 
     def _execution(self, before: Picture, after: Picture) -> Execution:
-        if after.is_exact and is_at_changes(self.loop):
-            # Executions that changed nothing made no record.
-            self._shadow = lingered(self.loop, self._shadow, before, before, self._by_time(before, after))
         least, most = counts_between(before, after) or (1, self._executions_max(before, after))
+        if is_at_changes(self.loop):
+            # What changed no word made no picture, and whatever changes one ends the wait.
+            most = 1
+            self._shadow = lingered(self.loop, self._shadow, before, before, self._silent_max(before, after))
         possible = max(1, least), max(1, most)
         execution, self._shadow = counted(self.loop, self._shadow, before, after, possible, self.suspects)
         execution = self._inquiry.hear(execution, before, after)
@@ -239,6 +240,11 @@ class Follower:
         """How many executions fit between the first request of one picture and the last reply of the next."""
         by_time, told = self._by_time(before, after), counts_between(before, after)
         return by_time if told is None else min(by_time, told[1])
+
+    def _silent_max(self, before: Picture, after: Picture) -> int:
+        """How many executions that changed nothing fit before the one that is seen."""
+        by_time, told = self._by_time(before, after), counts_between(before, after)
+        return max(0, (by_time if told is None or self.loop.way is Way.RECORDED else min(by_time, told[1])) - 1)
 
     def _by_time(self, before: Picture, after: Picture) -> int:
         interval = cycle_ns(self.loop, after)
@@ -341,8 +347,10 @@ def counts_between(before: Picture, after: Picture) -> tuple[int, int] | None:
 
 
 def is_at_changes(loop: Loop) -> bool:
-    """Tell whether the PLC records the loop only when a word has changed."""
-    return loop.recorder is not None and loop.recorder.each is Each.CHANGE
+    """Tell whether the PLC goes on to the next picture at the first execution that changes a word."""
+    if loop.way is Way.STEPPED:
+        return loop.interval_ms is None
+    return loop.way is Way.RECORDED and loop.recorder is not None and loop.recorder.each is Each.CHANGE
 
 
 def is_called(picture: Picture) -> bool:

@@ -9,7 +9,6 @@ from dataclasses import replace
 
 from ahgateway.clock import Clock
 from ahgateway.codec.station import Loop, Station
-from ahgateway.core.dialect import EnOffTime
 from ahgateway.errors import StateError
 from ahgateway.lockstep.events import Lost
 from ahgateway.lockstep.gate.gate import Gate
@@ -17,7 +16,7 @@ from ahgateway.lockstep.picture import Picture, Sampler, Sees
 from ahgateway.transports.base import Link
 
 PER_TRIGGER = 2
-"""Where time runs on while EN is off, an execution that changes no word may come at once, and another behind CYCLE."""
+"""In the cyclic task the contact opens behind the first execution that changes a word, or behind CYCLE and a little."""
 
 
 class Stepper:
@@ -69,10 +68,7 @@ class Stepper:
 
 def executions_triggered(loop: Loop, counted: int) -> tuple[int, int]:
     """Least and most executions in so many triggers; one that changes no word is not told from none."""
-    if loop.interval_ms is not None:
-        return counted, counted
-    is_early = getattr(loop.dialect, "en_off_time", EnOffTime.STANDS) == EnOffTime.RUNS
-    return 0, counted * PER_TRIGGER if is_early else counted
+    return (counted, counted) if loop.interval_ms is not None else (0, counted * PER_TRIGGER)
 
 
 def stepper(

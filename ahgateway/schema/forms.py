@@ -200,7 +200,7 @@ class RecorderForm(Form):
 
     ring: str = Field(description="first word of the ring")
     records: int = Field(default=64, ge=4, le=4096, description="records in the ring")
-    head: str = Field(description="word with the slot that is written next, from 0; our snippet takes two more")
+    head: str = Field(description="word with the slot that is written next, from 0; our snippet takes six more")
     each: Literal["scan", "call", "change"] = Field(
         default="scan",
         description="what makes a record: a scan, a call in an interval task, a scan that changed a word",

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from ahgateway.codec import block
 from ahgateway.codec.access import Span, Table
 from ahgateway.codec.devices import WORD_BITS, Device, DeviceMap
-from ahgateway.codec.record_layout import SNIPPET_WORDS, recordable, standard
+from ahgateway.codec.record_layout import SNIPPET_WORDS, recordable, standard, trigger_words
 from ahgateway.codec.station import Const, Loop, Station
 from ahgateway.codec.ways import Each, Place, Recorder, Trigger, Way
 from ahgateway.core.operands import Kind
@@ -281,7 +281,9 @@ def _own_words(loop: Loop, station: Station) -> Iterator[_Words]:
         yield _Words("the head", f"{top}.recorder.head", Span(head.table, head.address, own))
     if loop.trigger is not None:
         count = station.devices.address(loop.trigger.counter)
-        yield _Words("the trigger's counter", f"{top}.trigger.counter", Span(count.table, count.address, 1))
+        yield _Words(
+            "the trigger's counter", f"{top}.trigger.counter", Span(count.table, count.address, trigger_words(loop))
+        )
         coil = station.devices.address(loop.trigger.coil, bits=True)
         yield _Words("the trigger", f"{top}.trigger.coil", Span(coil.table, coil.address, 1))
 

@@ -11,8 +11,8 @@ from dataclasses import replace
 
 from ahgateway.clock import MILLISECOND, SECOND, Clock
 from ahgateway.codec.access import Span, Write
+from ahgateway.codec.record_layout import RANGE
 from ahgateway.codec.station import Loop, Station, WriteLimit
-from ahgateway.codec.ways import COUNTS
 from ahgateway.core.operands import Access, Kind, Operand, Source
 from ahgateway.errors import StateError, TransportError
 from ahgateway.lockstep.gate.wire import Wire
@@ -87,7 +87,7 @@ class Stepping:
         ends_ns = self._clock.now_ns() + patience_ns
         while self._clock.now_ns() < ends_ns:
             await self._clock.sleep_ns(max(LOOK_MIN_NS, cycle_ns // LOOKS_PER_CYCLE))
-            counted = ((await self._wire.read(self._count))[0] - before) % COUNTS
+            counted = ((await self._wire.read(self._count))[0] - before) % RANGE
             if counted:
                 return counted
         raise StateError(
