@@ -17,9 +17,9 @@ from ahgateway.core.verdict import Counts, Exit, run_outcome
 from ahgateway.errors import CodecError, PlcRefusedError, TransportError
 from ahgateway.lockstep.events import Finding, Lost
 from ahgateway.lockstep.follow import Event, Follower, cycle_ns
-from ahgateway.lockstep.gate.gate import Gate
 from ahgateway.lockstep.picture import POLL_MIN_NS, Picture
 from ahgateway.lockstep.source import source
+from ahgateway.lockstep.stepper import Step
 from ahgateway.transports.base import Link
 
 SMOOTHING = 4
@@ -69,10 +69,10 @@ class Report:
 class Watch:
     """One loop under observation."""
 
-    def __init__(self, loop: Loop, station: Station, link: Link, clock: Clock, gate: Gate | None = None) -> None:
+    def __init__(self, loop: Loop, station: Station, link: Link, clock: Clock, step: Step | None = None) -> None:
         self.loop = loop
         self.follower = Follower(loop)
-        self.sampler = source(loop, station, link, clock, gate=gate)
+        self.sampler = source(loop, station, link, clock, step=step)
         self.due_ns = clock.now_ns()
         self.refused = ""
         self.torn_in_a_row = 0
@@ -107,10 +107,10 @@ class Watch:
 class Monitor:
     """Every loop of a station, followed over one link."""
 
-    def __init__(self, station: Station, link: Link, clock: Clock, gates: Mapping[str, Gate] | None = None) -> None:
+    def __init__(self, station: Station, link: Link, clock: Clock, steps: Mapping[str, Step] | None = None) -> None:
         self.station = station
         self.link = link
-        self.watches = [Watch(loop, station, link, clock, (gates or {}).get(loop.name)) for loop in station.loops]
+        self.watches = [Watch(loop, station, link, clock, (steps or {}).get(loop.name)) for loop in station.loops]
         self.is_up = False
         self._clock = clock
         self._started_ns = clock.now_ns()

@@ -234,7 +234,7 @@ class Follower:
         by_time = max(0, after.last_ns - before.last_ns) / cycle_ns(self.loop, after)
         if told is None:
             return by_time
-        return min(max(by_time, told[0]), told[1])
+        return min(max(by_time, told[0]), 1 if is_at_changes(self.loop) else told[1])
 
     def _executions_max(self, before: Picture, after: Picture) -> int:
         """How many executions fit between the first request of one picture and the last reply of the next."""

@@ -7,11 +7,11 @@ from typing import Protocol
 from ahgateway.clock import Clock
 from ahgateway.codec.station import Loop, Station
 from ahgateway.codec.ways import Way
+from ahgateway.errors import StateError
 from ahgateway.lockstep.events import Lost
-from ahgateway.lockstep.gate.gate import Gate
 from ahgateway.lockstep.picture import Picture, Sampler, Sees
 from ahgateway.lockstep.ring import Ring, executions_in
-from ahgateway.lockstep.stepper import executions_triggered, stepper
+from ahgateway.lockstep.stepper import Step, Stepper, executions_triggered
 from ahgateway.transports.base import Link
 
 
@@ -42,14 +42,17 @@ def executions_told(loop: Loop, *, enabled: bool | None) -> tuple[int, int] | No
 
 
 def source(
-    loop: Loop, station: Station, link: Link, clock: Clock, sees: Sees | None = None, gate: Gate | None = None
+    loop: Loop, station: Station, link: Link, clock: Clock, sees: Sees | None = None, step: Step | None = None
 ) -> Source:
-    """Return what looks at a loop in its way; `gate` is the loop's own, armed, for one whose executions we trigger.
+    """Return what looks at a loop in its way; `step` lets one execution through, for a loop that is triggered.
 
     Raises:
-        StateError: Executions are to be triggered and there is no gate.
+        StateError: Executions are to be triggered and nothing does.
     """
     if loop.way is Way.STEPPED:
-        return stepper(loop, station, link, clock, gate, sees)
+        if step is None:
+            text = f"loop {loop.name}: executions are triggered through the write gate only"
+            raise StateError(text, hint=f"`--arm {loop.name}`")
+        return Stepper(loop, station, link, clock, step, sees)
     kind = Ring if loop.way is Way.RECORDED else Sampler
     return kind(loop, station, link, clock, sees)

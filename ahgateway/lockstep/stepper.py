@@ -5,18 +5,21 @@ Between two executions the instruction stands still, so that no picture is torn 
 
 from __future__ import annotations
 
+from collections.abc import Awaitable, Callable
 from dataclasses import replace
 
 from ahgateway.clock import Clock
 from ahgateway.codec.station import Loop, Station
-from ahgateway.errors import StateError
 from ahgateway.lockstep.events import Lost
-from ahgateway.lockstep.gate.gate import Gate
 from ahgateway.lockstep.picture import Picture, Sampler, Sees
 from ahgateway.transports.base import Link
 
 PER_TRIGGER = 2
 """In the cyclic task the contact opens behind the first execution that changes a word, or behind CYCLE and a little."""
+
+
+Step = Callable[[], Awaitable[int]]
+"""Handed in by the roof: what looks at a loop cannot reach the write gate by itself."""
 
 
 class Stepper:
@@ -27,14 +30,14 @@ class Stepper:
         station: Its station, a bench.
         link: The way there.
         clock: Gives the times.
-        gate: The loop's write gate, armed by whoever asked for it.
+        step: Lets one execution through and returns how many the PLC counted: `Gate.step` of an armed gate.
         sees: Shown every picture.
     """
 
     def __init__(
-        self, loop: Loop, station: Station, link: Link, clock: Clock, gate: Gate, sees: Sees | None = None
+        self, loop: Loop, station: Station, link: Link, clock: Clock, step: Step, sees: Sees | None = None
     ) -> None:
-        self._loop, self._gate = loop, gate
+        self._loop, self._step = loop, step
         self._sampler = Sampler(loop, station, link, clock, sees)
         self._is_begun = False
 
@@ -59,7 +62,7 @@ class Stepper:
             picture = await self._sampler.picture()
             self._is_begun = picture is not None
             return [] if picture is None else [picture]
-        counted = await self._gate.step("one execution at a time")
+        counted = await self._step()
         picture = await self._sampler.picture()
         if picture is None:
             return [Lost(float(counted), 0, "the picture behind a triggered execution was torn")]
@@ -69,14 +72,3 @@ class Stepper:
 def executions_triggered(loop: Loop, counted: int) -> tuple[int, int]:
     """Least and most executions in so many triggers; one that changes no word is not told from none."""
     return (counted, counted) if loop.interval_ms is not None else (0, counted * PER_TRIGGER)
-
-
-def stepper(
-    loop: Loop, station: Station, link: Link, clock: Clock, gate: Gate | None, sees: Sees | None = None
-) -> Stepper:
-    """Return a stepper; StateError without a gate."""
-    if gate is None:
-        raise StateError(
-            f"loop {loop.name}: executions are triggered through the write gate only", hint=f"`--arm {loop.name}`"
-        )
-    return Stepper(loop, station, link, clock, gate, sees)

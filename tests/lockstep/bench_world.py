@@ -26,6 +26,7 @@ from ahgateway.lockstep.gate.states import State
 from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.source import Source, source
+from ahgateway.lockstep.stepper import Step
 from ahgateway.transports.base import LinkFigures, Reply
 
 DEVICES = DeviceMap(
@@ -162,19 +163,19 @@ class World(Watched):
         self.rng = random.Random(seed)
         self.loop = loop
         self.link = DirectLink(self.plc, self.clock, latency_ns)
-        self.sampler = source(loop, self.station, self.link, self.clock, gate=self._gate())
+        self.sampler = source(loop, self.station, self.link, self.clock, step=self._step())
         self.follower = Follower(loop)
         self.poll_ns = poll_ms * MILLISECOND
         self.events = []
 
-    def _gate(self) -> Gate | None:
-        """The gate through which executions are triggered, in a directory of its own."""
+    def _step(self) -> Step | None:
+        """What triggers an execution: a gate in a directory of its own."""
         if self.station.loops[0].way is not Way.STEPPED:
             return None
         folder = Path(tempfile.mkdtemp(prefix="ahgateway-"))
         self.gate_of_steps = Gate(self.station, self.loop, self.link, self.clock, folder, who="test")
         weakref.finalize(self, _dispose, self.gate_of_steps, folder)
-        return self.gate_of_steps
+        return self.gate_of_steps.step
 
     async def poll(self) -> list[Event]:
         """As `Watched.poll`; where executions are triggered, armed as long as a gate can be."""
