@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from pathlib import Path
 from typing import Any, Literal
@@ -33,7 +33,10 @@ SHIPPED = {"conformance": ("dpid", "dpide")}
 """Names of several shipped folders together."""
 
 BASELINES = ("fresh-pv", "setpoint-step")
-"""The short shipped scenario of an instruction; the first that its folder has."""
+"""The shipped scenario of an instruction with which a bench is tried; the first that its folder has."""
+
+BASELINE_S = 20.0
+"""So much of it."""
 
 
 class StepForm(Form):
@@ -229,10 +232,13 @@ def _distinct(found: list[Scenario]) -> list[Scenario]:
 
 
 def baselines(scenarios: Sequence[Scenario]) -> list[Scenario]:
-    """Return the short shipped scenario of each instruction among these, with which a bench is tried first."""
-    names = dict.fromkeys(each.controller.name.lower() for each in scenarios)
-    return [next(load(file) for each in BASELINES if (file := library() / name / f"{each}.toml").exists())
-            for name in names]  # fmt: skip
+    """Return the beginning of a shipped scenario of each instruction among these, with which a bench is tried first."""
+    found = []
+    for name in dict.fromkeys(each.controller.name.lower() for each in scenarios):
+        files_of = (library() / name / f"{each}.toml" for each in BASELINES)
+        whole = load(next(each for each in files_of if each.exists()))
+        found.append(replace(whole, duration_s=min(whole.duration_s, BASELINE_S)))
+    return found
 
 
 def shipped_folders() -> tuple[str, ...]:

@@ -10,7 +10,7 @@ from ahgateway.apps.check.result import Floor, Result
 from ahgateway.apps.check.run import Bench, floor_of
 from ahgateway.apps.check.suite import results
 from ahgateway.clock import VirtualClock
-from ahgateway.codec.station import Station
+from ahgateway.codec.station import Loop, Station
 from ahgateway.schema.profile import load
 from ahgateway.schema.scenario import Scenario, library, parse
 
@@ -37,8 +37,11 @@ def scenario(body: str, head: str = HEAD) -> Scenario:
 
 
 def with_dialect(station: Station, **axes: Any) -> Station:
-    loops = tuple(replace(loop, dialect=loop.dialect._replace(**axes)) for loop in station.loops)
-    return replace(station, loops=loops)
+    def changed(loop: Loop) -> Loop:
+        has = set(axes) <= set(loop.controller.axes)
+        return replace(loop, dialect=loop.dialect._replace(**axes)) if has else loop
+
+    return replace(station, loops=tuple(changed(loop) for loop in station.loops))
 
 
 def ran(wanted: Scenario, bench: Bench = BENCH, **options: Any) -> Result:

@@ -16,11 +16,13 @@ from ahgateway.apps.check.suite import results
 from ahgateway.clock import MILLISECOND, SECOND, WallClock
 from ahgateway.codec.station import Station
 from ahgateway.core.dialect import AXES
+from ahgateway.fake.call_faults import CALL_FAULTS
 from ahgateway.fake.faults import FAULTS
 from ahgateway.schema.profile import load
 from ahgateway.schema.scenario import collected, library, parse
 
 WALL = WallClock()
+INSTRUCTIONS = ("dpid", "dpide", "melsec_pid", "pid_reg_ce", "pid_temp")
 
 
 def say(line: str) -> None:
@@ -36,7 +38,7 @@ def bench() -> Bench:
 async def whole() -> None:
     """The library on a healthy fake: verdicts and time."""
     begun_ns, simulated_s, count = WALL.now_ns(), 0.0, 0
-    async for result in results(collected(["conformance"]), bench(), WALL):
+    async for result in results(collected([*INSTRUCTIONS, "plants"]), bench(), WALL):
         count, simulated_s = count + 1, simulated_s + result.simulated_s
         say(f"{result.name:26} {result.verdict.value:12} {result.wall_s:5.2f} s  {result.reason[:90]}")
     took_s = (WALL.now_ns() - begun_ns) / SECOND
@@ -45,10 +47,11 @@ async def whole() -> None:
 
 async def mutants() -> None:
     """Each fault of the fake: which scenarios diverge, and which see it without the shadow."""
-    for instruction in ("dpid", "dpide"):
+    for instruction in INSTRUCTIONS:
         scenarios = collected([instruction])
-        for name, fault in FAULTS.items():
-            if instruction.upper() not in fault.controllers:
+        law = scenarios[0].controller.name
+        for name, fault in {**FAULTS, **CALL_FAULTS}.items():
+            if law not in fault.controllers:
                 continue
             caught, blind = [], []
             for scenario in scenarios:
@@ -84,8 +87,10 @@ async def dialects() -> None:
 
 
 def with_axis(station: Station, axis: str, value: object) -> Station:
-    loops = tuple(replace(loop, dialect=loop.dialect._replace(**{axis: value})) for loop in station.loops)
-    return replace(station, loops=loops)
+    loops = [loop for loop in station.loops if axis in loop.controller.axes]
+    return replace(
+        station, loops=tuple(replace(each, dialect=each.dialect._replace(**{axis: value})) for each in loops)
+    )
 
 
 SLOW = """

@@ -24,7 +24,7 @@ from ahgateway.lockstep.picture import Picture
 from ahgateway.schema.scenario import Action, Scenario, baselines
 
 POLLS_PER_CYCLE = 2
-POLLS_PER_CALL = 4
+POLLS_PER_CALL = 2
 """A block that is called shows less at each call, and is looked at more often."""
 
 RAMP_NS = 50 * MILLISECOND
