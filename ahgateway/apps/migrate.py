@@ -15,12 +15,11 @@ from typing import Any
 import numpy as np
 
 from ahgateway.apps.report import number
-from ahgateway.core.controllers import CONTROLLERS
 from ahgateway.tuning.blocks import Given, Use
 from ahgateway.tuning.conversion import Conversion, convert
 from ahgateway.tuning.models import Kind, Model
 from ahgateway.tuning.predict import Response
-from ahgateway.tuning.record import Array
+from ahgateway.tuning.record import Array, Record
 from ahgateway.tuning.runner import Runner, runner
 
 Json = dict[str, Any]
@@ -69,7 +68,8 @@ class Migration:
         conversion: Settings and losses.
         process: What both ran on.
         process_text: Where the process came from.
-        runs: The run within the limits first, then the one into them; empty where a block has no law of ours.
+        runs: The run within the limits first, then the one into them, then the recorded one where there is a record;
+            empty where a block has no law of ours.
         verdict: What the first run says.
         text: The verdict in a sentence.
     """
@@ -108,6 +108,7 @@ def migrate(
     use_from: Use | None = None,
     use_to: Use | None = None,
     process: Model | None = None,
+    record: Record | None = None,
     file: str = "",
 ) -> Migration:
     """Rebuild one controller as another and prove what became of it.
@@ -120,6 +121,7 @@ def migrate(
         use_from: How the source stands in its plant.
         use_to: How the target will.
         process: What both run on; None takes one that the source's settings suit.
+        record: A run of the source; its SV and PV go through both once more.
         file: Where the settings came from, for messages.
 
     Raises:
@@ -138,6 +140,8 @@ def migrate(
     runs = tuple(
         run for course in courses(made, process) if (run := _both(made, process, course, use_from, use_to)) is not None
     )
+    if record is not None and (again := _recorded(made, record, use_from, use_to)) is not None:
+        runs = (*runs, again)
     verdict, why = judged(made, runs)
     return Migration(made, process, text, runs, verdict, why)
 
@@ -180,25 +184,48 @@ def _both(made: Conversion, process: Model, course: Course, use_from: Use, use_t
     scaling = made.scaling
     pv0 = sum(scaling.pv_from) / 2.0
     mv0 = sum(scaling.mv_from) / 2.0
-    old = runner(made.source, made.given, pv0, pv0, mv0, use_from.stroke_s)
-    new = runner(made.target, made.settings, scaling.pv(pv0), scaling.pv(pv0), scaling.mv(mv0), use_to.stroke_s)
+    pair = _pair(made, (pv0, mv0), use_from, use_to)
+    if pair is None:
+        return None
+    first, second = (course_of(each, process, course, (pv0, mv0)) for each in pair)
+    return compared(course.name, first, second, scaling.pv_from, scaling.mv_from)
+
+
+def _pair(made: Conversion, at: tuple[float, float], use_from: Use, use_to: Use) -> tuple[Runner, Runner] | None:
+    """Source and target at rest at this PV and MV, both in the source's units; None where one has no law of ours."""
+    scaling = made.scaling
+    # A target without a negative gain is fed −SV and −PV, as its loss says.
+    sign = made.wanted.sign if made.reached.sign != made.wanted.sign else 1
+    pv = sign * scaling.pv(at[0])
+    old = runner(made.source, made.given, at[0], at[0], at[1], use_from.stroke_s)
+    new = runner(made.target, made.settings, pv, pv, scaling.mv(at[1]), use_to.stroke_s)
     if old is None or new is None:
         return None
-    sign = made.wanted.sign if made.reached.sign != made.wanted.sign else 1
-    first = course_of(old, process, course, (pv0, mv0))
     inner = new.execute
 
     def outer(sv: float, pv: float) -> float:
-        # A target without a negative gain is fed −SV and −PV, as its loss says.
         mv = inner(sign * scaling.pv(sv), sign * scaling.pv(pv))
         return scaling.mv_from[0] + (mv - scaling.mv_to[0]) / scaling.mv_ratio
 
-    if sign < 0:
-        mirrored = runner(made.target, made.settings, -scaling.pv(pv0), -scaling.pv(pv0), scaling.mv(mv0))
-        assert mirrored is not None
-        inner = mirrored.execute
-    second = course_of(Runner(new.ts_s, outer), process, course, (pv0, mv0))
-    return compared(course.name, first, second, scaling.pv_from, scaling.mv_from)
+    return old, Runner(new.ts_s, outer)
+
+
+def _recorded(made: Conversion, record: Record, use_from: Use, use_to: Use) -> Run | None:
+    """The recorded SV and PV through both, from rest at the first PV and MV; PV does not answer here."""
+    if not np.all(np.isfinite(record.sv)):
+        return None
+    pair = _pair(made, (float(record.pv[0]), float(record.mv[0])), use_from, use_to)
+    if pair is None:
+        return None
+    sides = []
+    for each in pair:
+        count = int(min(POINTS_MAX * 5, (record.t_s[-1] - record.t_s[0]) / each.ts_s)) + 1
+        t = np.arange(count, dtype=np.float64) * each.ts_s
+        held = np.clip(np.searchsorted(record.t_s - record.t_s[0], t + 1e-9, side="right") - 1, 0, record.t_s.size - 1)
+        sv, pv = record.sv[held], record.pv[held]
+        mv = np.array([each.execute(float(s), float(p)) for s, p in zip(sv, pv, strict=True)])
+        sides.append(Response(t, sv, pv, mv))
+    return compared("the recorded SV and PV", sides[0], sides[1], made.scaling.pv_from, made.scaling.mv_from)
 
 
 def course_of(run: Runner, process: Model, course: Course, at: tuple[float, float]) -> Response:
@@ -241,38 +268,17 @@ def judged(made: Conversion, runs: tuple[Run, ...]) -> tuple[Verdict, str]:
     far = "" if len(runs) < 2 else f"; beyond the limits MV differs by up to {100 * runs[1].mv_apart:.3g} %"
     if len(runs) > 1 and runs[1].is_same:
         far = ", and beyond them"
+    if len(runs) > 2:
+        far += f"; on the recorded SV and PV by up to {100 * runs[2].mv_apart:.3g} %"
     if run.is_same:
         return Verdict.IDENTICAL, f"identical: every MV is the same number within the limits{far}"
     if apart <= EQUIVALENT_MAX:
         size = f"{100 * run.mv_apart:.2g} % of MV and {100 * run.pv_apart:.2g} % of PV"
         return Verdict.EQUIVALENT, f"equivalent within {size}{far}"
     codes = list(dict.fromkeys(loss.code for loss in made.losses if not loss.is_exact))
-    because = ", ".join(codes) or ", ".join(loss.code for loss in made.losses) or "the laws differ"
+    because = ", ".join(codes) or "the laws themselves: no warning stands for it"
     size = f"MV {100 * run.mv_apart:.2g} %, PV {100 * run.pv_apart:.2g} %"
     return Verdict.DIFFERENT, f"different because of {because}: {size}{far}"
-
-
-def fragment(found: Migration, name: str) -> str:
-    """Return the settings as a piece of a profile; a block that profiles do not know yet becomes a plain table."""
-    made = found.conversion
-    known = made.target in CONTROLLERS
-    lines = [f"# {made.source} rebuilt as {made.target}: {found.text}"]
-    lines += [f"# {loss.code}: {loss.text}" for loss in made.losses]
-    if known:
-        lines += ["", f"[loops.{name}]", f'instruction = "{made.target}"', 'layout = "manual"']
-        lines += ["", f"[loops.{name}.fake.initial]"]
-    else:
-        lines += ["", f"[{made.target}]"]
-    return "\n".join([*lines, *(f"{key} = {_toml(value)}" for key, value in made.settings.items())]) + "\n"
-
-
-def _toml(value: float | int | bool) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float):
-        text = np.format_float_positional(np.float32(value), unique=True, trim="0")
-        return text if abs(value) < 1e9 else repr(value)
-    return str(value)
 
 
 def as_json(found: Migration) -> Json:
@@ -303,24 +309,3 @@ def as_json(found: Migration) -> Json:
         "verdict": found.verdict.value,
         "text": found.text,
     }
-
-
-def as_text(found: Migration) -> str:
-    """Return the migration as a page of text."""
-    made = found.conversion
-    width = max(len(name) for name in made.settings)
-    lines = [f"{made.source} to {made.target}", ""]
-    lines += [f"  {name:<{width}}  {_toml(value)}" for name, value in made.settings.items()]
-    if made.losses:
-        lines.append("")
-    for loss in made.losses:
-        size = f" ({loss.size:.3g} {loss.unit})" if loss.size and loss.unit else ""
-        lines.append(f"{loss.code}{size}: {loss.text}")
-    process = found.process
-    lines += [
-        "",
-        f"process: {process.kind.value}, K {process.gain:.4g}, dead time {process.dead_time_s:.4g} s, "
-        f"τ {process.tau_s:.4g} s ({found.process_text})",
-        found.text,
-    ]
-    return "\n".join(lines)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from ahgateway.apps.migrate import Migration, Run, fragment
+from ahgateway.apps.migrate import Migration, Run
+from ahgateway.apps.migrate_text import fragment
 from ahgateway.apps.pages import figure, framed, svg
 from ahgateway.apps.tune import shown
 

@@ -13,6 +13,7 @@ from ahgateway.cli.view import Output
 if TYPE_CHECKING:
     from ahgateway.tuning.blocks import Family, Params
     from ahgateway.tuning.models import Model
+    from ahgateway.tuning.record import Record
 
 Range = tuple[float, float]
 
@@ -33,7 +34,9 @@ def migrate(
     process: Annotated[
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="Process of the proof: gain=1.5 dead=4 tau=40.")
     ] = None,
-    record: Annotated[Path | None, typer.Option(help="CSV file or recording to take the process from.")] = None,
+    record: Annotated[
+        Path | None, typer.Option(help="CSV file or recording: its process, and SV and PV for both.")
+    ] = None,
     name: Annotated[str, typer.Option(help="Tag of the loop in the profile fragment.")] = "TIC-101",
     fragment: Annotated[Path | None, typer.Option(help="Write the profile fragment.")] = None,
     report: Annotated[Path | None, typer.Option(help="Write a report as one HTML file.")] = None,
@@ -46,15 +49,17 @@ def migrate(
 
     Example: ahgateway migrate KP=250 TI=300 KD=20 TD=400 TS=500 ACT=1 --from MELSEC_PID --to DPIDE
     """
-    from ahgateway.apps.migrate import Verdict, as_json, as_text
-    from ahgateway.apps.migrate import fragment as piece
+    from ahgateway.apps.migrate import Verdict, as_json
     from ahgateway.apps.migrate import migrate as migrated
+    from ahgateway.apps.migrate_text import as_text
+    from ahgateway.apps.migrate_text import fragment as piece
     from ahgateway.cli.profile import _say
     from ahgateway.tuning.blocks import Use
     from ahgateway.tuning.canonical import Scaling
 
     given, file = _settings(settings)
     _check_ranges(pv_from=pv_from, mv_from=mv_from, pv_to=pv_to, mv_to=mv_to)
+    found_process, trace = _process(process, record)
     found = migrated(
         source,
         given,
@@ -62,7 +67,8 @@ def migrate(
         scaling=Scaling(pv_from, mv_from, pv_to or pv_from, mv_to or mv_from),
         use_from=Use(_family(family_from), stroke),
         use_to=Use(_family(family_to), stroke),
-        process=_process(process, record),
+        process=found_process,
+        record=trace,
         file=file,
     )
     if fragment is not None:
@@ -117,24 +123,30 @@ def _family(text: str) -> Family:
     raise ProfileError(f"`{text}` is no CPU family, known are {', '.join(each.value for each in Family)}")
 
 
-def _process(texts: list[str] | None, record: Path | None) -> Model | None:
-    """The process of the proof: as typed, or identified from a record, or none."""
+def _process(texts: list[str] | None, record: Path | None) -> tuple[Model | None, Record | None]:
+    """The process of the proof, as typed, or identified from a record, or none; and the record."""
     from ahgateway.errors import ProfileError, StateError
     from ahgateway.tuning.models import Kind, Model
 
+    trace = None
     if record is not None:
         from ahgateway.apps.tune_source import is_recording, read_csv, read_recording
         from ahgateway.tuning.identify import identify
 
         if not record.is_file():
             raise ProfileError("is no file", file=str(record))
-        found = identify(read_recording(record)[0] if is_recording(record) else read_csv(record))
-        if found.fit is None or found.is_refused:
-            reasons = "; ".join(each.text for each in found.findings)
-            raise StateError(f"{record}: no process can be told from it: {reasons}")
-        return found.fit.model
+        trace = read_recording(record)[0] if is_recording(record) else read_csv(record)
+        if not texts:
+            found = identify(trace)
+            if found.fit is None or found.is_refused:
+                reasons = "; ".join(each.text for each in found.findings)
+                raise StateError(
+                    f"{record}: no process can be told from it: {reasons}",
+                    hint="give one with --process; the recorded SV and PV go through both all the same",
+                )
+            return found.fit.model, trace
     if not texts:
-        return None
+        return None, trace
     values = typed_settings(pairs(texts, "--process"))
     unknown = set(values) - {"gain", "dead", "tau", "zeta"}
     if unknown or "gain" not in values:
@@ -144,7 +156,7 @@ def _process(texts: list[str] | None, record: Path | None) -> Model | None:
     tau, zeta = float(values.get("tau", 1.0)), float(values.get("zeta", 1.0))
     if not (gain != 0.0 and dead >= 0.0 and tau > 0.0 and zeta > 0.0):
         raise ProfileError("gain must not be 0, dead not negative, tau and zeta above 0", key="--process")
-    return Model(kind, gain, dead, tau, zeta)
+    return Model(kind, gain, dead, tau, zeta), trace
 
 
 def _written(path: Path, text: str) -> None:

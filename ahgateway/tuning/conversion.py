@@ -19,6 +19,8 @@ QUANTUM_MIN = 0.01
 """Relative rounding above it is a warning, below it a note (spec 7.3)."""
 WHOLE_MIN = 1000
 """Fewer whole numbers than this over the range of MV are a rounding to speak of."""
+WHOLE = ("MELSEC_PID", "PIDINIT")
+"""Blocks whose SV, PV and MV are whole numbers."""
 EXACT = 1e-6
 """Relative difference below it is the REAL register itself."""
 
@@ -117,7 +119,12 @@ def convert(
         use_to = replace(use_to, dependent=bool(params.get("PID_EQ", False)))
     settings = {name: rounded(value) for name, value in new.write(wanted, use_to).items()}
     reached = new.read(new.defaults | settings, use_to)
-    losses = (*_of_source(old, params, use_from), *_between(new, wanted, reached, use_to))
+    losses = (
+        *_of_source(old, params, use_from),
+        *_whole(old, new, scaling),
+        *_between(new, wanted, reached, use_to),
+        *_series(old, new, use_from, use_to),
+    )
     if old.windup != new.windup:
         text = f"beyond a limit {old.name} {old.windup}, {new.name} {new.windup}"
         losses = (*losses, Loss("W-WINDUP", text, is_exact=True))
@@ -139,11 +146,10 @@ def _of_source(old: Block, p: Params, use: Use) -> list[Loss]:
         out.append(Loss("W-MODE", text, is_exact=True))
     if old.name == "MELSEC_PID" and int(p["ACT"]) & 0x10:
         out.append(Loss("W-AUTOTUNE", "ACT bit 4 is on: the gains are still being sought", is_exact=True))
-    if old.name == "MELSEC_PID":
+    if old.name == "MELSEC_PID" and old.read(p, use).umax - old.read(p, use).umin < WHOLE_MIN:
         span = old.read(p, use).umax - old.read(p, use).umin
-        if span < WHOLE_MIN:
-            text = f"SV, PV and MV were whole numbers, {span:g} of them for MV; they no longer are"
-            out.append(Loss("W-QUANT", text, 100 / max(span, 1.0), "% of MV"))
+        text = f"SV, PV and MV were whole numbers, {span:g} of them for MV; they no longer are"
+        out.append(Loss("W-QUANT", text, 100 / max(span, 1.0), "% of MV"))
     if old.name == "PIDINIT" and min(p["DMVL"], p["DPVL"]) < 2050:
         size = float(min(p["DMVL"], p["DPVL"]))
         out.append(Loss("W-RANGE", f"the limit of change per sample, {size:g}, is not carried over", size, "counts"))
@@ -159,6 +165,32 @@ def _of_source(old: Block, p: Params, use: Use) -> list[Loss]:
     if old.name == "PID_REG_CE" and use.stroke_s is not None:
         out.append(_pulses(use))
     return out
+
+
+def _whole(old: Block, new: Block, scaling: Scaling) -> list[Loss]:
+    """Whole numbers of PV and MV over the ranges that were named; nothing where none were."""
+    out: list[Loss] = []
+    if scaling == SAME:
+        return out
+    for side, block_, ranges in (
+        ("were", old, (scaling.pv_from, scaling.mv_from)), ("become", new, (scaling.pv_to, scaling.mv_to)),
+    ):  # fmt: skip
+        for name, (low, high) in zip(("PV", "MV"), ranges, strict=True):
+            if block_.name in WHOLE and high - low < WHOLE_MIN:
+                text = f"{name} {side} whole numbers in {block_.name}, {high - low:g} of them over its range"
+                out.append(Loss("W-QUANT", text, 100 / (high - low), f"% of {name}"))
+    return out
+
+
+def _series(old: Block, new: Block, use_from: Use, use_to: Use) -> list[Loss]:
+    """Y as an analog output: PID_REG_CE integrates within one series only, so that it holds no MV by itself."""
+    for one, use in ((old, use_from), (new, use_to)):
+        if one.name == "PID_REG_CE" and old.name != new.name and use.stroke_s is None:
+            text = (
+                "PID_REG_CE integrates within one series only and begins each at Y = 0, so that it holds no MV at rest"
+            )
+            return [Loss("W-PULSE", text)]
+    return []
 
 
 def _pulses(use: Use) -> Loss:
