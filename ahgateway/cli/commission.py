@@ -149,7 +149,9 @@ async def _commission(loaded: Profile, station: Station, loop: Loop, wishes: Wis
             who=asked.by, witness=sink.witness(loop), begins=_begins(station, wishes),
         )  # fmt: skip
         _resumed(progress)
-        await until_stopped(work.run(wishes, _said, consent=_consent(station, loop, asked.auto)))
+        await until_stopped(
+            work.run(wishes, _said, consent=lambda bounds: _consents(work.station, loop, bounds, asked.auto))
+        )
     _changes(loaded, work, asked.save)
     heading = sheet.Heading(asked.by, asked.instruments, asked.remarks)
     utc_ns = clock.utc_ns()
@@ -240,18 +242,22 @@ def _said(step: Step, checks: Sequence[Check]) -> None:
             typer.echo(f"       hint: {kind.do}", err=True)
 
 
-def _consent(station: Station, loop: Loop, auto: bool) -> Callable[[Envelope], bool]:
+def _consents(station: Station, loop: Loop, bounds: Envelope, auto: bool) -> bool:
     """Ask before the process is moved, with what is written where, and what ends the test."""
+    from ahgateway.cli.interrupt import while_asking
+    from ahgateway.errors import StateError
 
-    def ask(bounds: Envelope) -> bool:
-        typer.echo(_announced(station, loop, bounds), err=True)
-        if auto or not sys.stdin.isatty():
-            is_safe = station.bench or station.target.startswith("fake://")
-            typer.echo(f"  {'a bench, it goes on' if is_safe else 'a plant: needs a person, left out'}", err=True)
-            return is_safe
-        return typer.confirm("  go on?", default=False, err=True)
-
-    return ask
+    typer.echo(_announced(station, loop, bounds), err=True)
+    if auto or not sys.stdin.isatty():
+        is_safe = station.bench or station.target.startswith("fake://")
+        typer.echo(f"  {'a bench, it goes on' if is_safe else 'a plant: needs a person, left out'}", err=True)
+        return is_safe
+    try:
+        with while_asking():
+            return typer.confirm("  go on?", default=False, err=True)
+    except (KeyboardInterrupt, typer.Abort):
+        typer.echo("", err=True)
+        raise StateError("stopped before the process was moved") from None
 
 
 def _announced(station: Station, loop: Loop, bounds: Envelope) -> str:

@@ -96,6 +96,16 @@ def stop_event() -> Iterator[asyncio.Event]:
             signal.signal(number, handler)  # type: ignore[arg-type]
 
 
+@contextlib.contextmanager
+def while_asking() -> Iterator[None]:
+    """Let Ctrl-C end a question at once, as a KeyboardInterrupt; inside `stop_event` it would only be noted."""
+    previous = signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, previous)
+
+
 def _set(loop: asyncio.AbstractEventLoop, event: asyncio.Event) -> None:
     with contextlib.suppress(RuntimeError):  # the loop has ended, and the work with it
         loop.call_soon_threadsafe(event.set)
