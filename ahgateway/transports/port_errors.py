@@ -88,16 +88,18 @@ def _group(port: str) -> str:
 
 
 def _holder(port: str) -> str:
-    """Say which program has a port open, as far as this system tells (Linux, own processes)."""
+    """Say which programs have a port open, as far as this system tells (Linux, processes of this user)."""
+    found: dict[str, str] = {}
     try:
         wanted = os.path.realpath(port)
         for entry in Path("/proc").glob("[0-9]*/fd/*"):
-            if _points_to(entry, wanted) and entry.parts[2] != str(os.getpid()):
-                name = Path("/proc", entry.parts[2], "comm").read_text().strip()
-                return f" (held by {name}, process {entry.parts[2]})"
-    except OSError:
+            number = entry.parts[2]
+            if number != str(os.getpid()) and number not in found and _points_to(entry, wanted):
+                name = Path("/proc", number, "comm").read_text().strip()
+                found[number] = f"{name}, process {number}"
+    except OSError:  # a process ended while we looked
         pass
-    return ""
+    return f" (held by {'; '.join(found.values())})" if found else ""
 
 
 def _points_to(entry: Path, wanted: str) -> bool:
