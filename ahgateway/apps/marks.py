@@ -11,11 +11,11 @@ from ahgateway.lockstep.judge import Execution
 
 
 class Mark(IntEnum):
-    """What a moment of a time line shows; NONE where no execution was judged."""
+    """What a moment of a time line shows; NONE where no execution was judged, TRIVIAL where nothing was computed."""
 
     NONE = 0
-    PROVEN = 1
-    TRIVIAL = 2
+    TRIVIAL = 1
+    PROVEN = 2
     AGREES = 3
     UNOBSERVABLE = 4
     LINK = 5

@@ -17,14 +17,17 @@ from ahgateway.clock import MILLISECOND
 from ahgateway.codec.station import Const, Loop
 from ahgateway.core.operands import Kind, Operand
 from ahgateway.core.real import same_bits, ulp_distance
-from ahgateway.core.verdict import Counts
+from ahgateway.core.verdict import Counts, Proof
 from ahgateway.lockstep.events import Change
 from ahgateway.lockstep.follow import is_automatic, output_of, process_value_of, target_of
 from ahgateway.lockstep.picture import Picture
+from ahgateway.transports.tracer import line_maker
 
 DELTA_TERMS = ("e", "p", "i", "d", "bias", "raw", "mv")
 EDGES_MS = (0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 """Classes of round trips."""
+FRAME_HEAD_MAX = 63
+"""Time, direction and the first 15 bytes of a frame."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +101,7 @@ class TermRow:
         plc: As it stands in the PLC's memory; None for what the instruction keeps to itself, or without a picture.
         ref: As the reference computed it; None without an execution.
         is_open: The reference's last bits are not settled.
-        is_same: Both are known and equal by bits, or not; None where one is not known.
+        is_same: Both are known and equal by bits, or not; None where one is not known, or nobody judged them.
         compared: How they differ, as text.
     """
 
@@ -122,7 +125,11 @@ def term_rows(watch: Watch) -> list[TermRow]:
         if ref is not None and name in words and words[name].kind is Kind.INT:
             ref = words[name].stored(None, terms)
         is_open = last is not None and name in last.open_terms
-        rows.append(TermRow(name.upper(), plc, ref, is_open, *compared(plc, ref)))
+        is_same, text = compared(plc, ref)
+        if is_same is False and last is not None and last.proof is Proof.BITS:
+            # A match by bits holds for all that was judged: the rest is hidden as yet, such as the phase of a pulse.
+            is_same, text = None, "not judged"
+        rows.append(TermRow(name.upper(), plc, ref, is_open, is_same, text))
     return rows
 
 
@@ -216,3 +223,19 @@ def round_trip_classes(round_trips_ns: Iterable[int]) -> list[tuple[float, float
         (EDGES_MS[index - 1] if index else 0.0, EDGES_MS[index] if index < len(EDGES_MS) else None, counts[index])
         for index in range(filled[0], filled[-1] + 1)
     ]
+
+
+def frame_lines(board: Board, count: int) -> list[str]:
+    """Return the last frames of the link, decoded, oldest first; each reply is read with its request."""
+    frames = list(board.frames)[-count:]
+    while frames and frames[0].direction == "<":
+        del frames[0]
+    station = board.monitor.station
+    line = line_maker(station.target.partition(":")[0], station.can, station.devices)
+    return [_shortened(line(frame)) for frame in frames]
+
+
+def _shortened(line: str) -> str:
+    """A frame's line with no more bytes than leave room for what they mean."""
+    head, gap, meaning = line.partition("  ")
+    return line if len(head) <= FRAME_HEAD_MAX else f"{head[:FRAME_HEAD_MAX]}…{gap}{meaning}"

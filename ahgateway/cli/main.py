@@ -14,6 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from ahgateway import __version__
+from ahgateway.apps.signs import teach_streams
 from ahgateway.cli.commands import LazyGroup
 from ahgateway.errors import AhGatewayError, PlcRefusedError, TransportError
 
@@ -65,6 +66,7 @@ def main() -> None:
     """Run the command line; the entry point of the `ahgateway` script."""
     if sys.unraisablehook is sys.__unraisablehook__:
         sys.unraisablehook = _ask_again
+    teach_streams()
     try:
         app()
     except AhGatewayError as error:

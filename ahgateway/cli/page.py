@@ -73,18 +73,14 @@ async def paged(
         ) from error
     from ahgateway.apps.history import History
     from ahgateway.apps.replay import ReplayMonitor
-    from ahgateway.transports.tracer import line_maker
-    from ahgateway.transports.uri import parse_uri
 
-    target = parse_uri(station.target)
     player = None
     history = History(board, path)
     if isinstance(monitor, ReplayMonitor):
         player, played = monitor.player, monitor.recording.path
         history = History(board, lambda: played, is_replay=True)
     token = "" if is_loopback(page.host) else _token()
-    line = line_maker(target.scheme, station.can, station.devices)
-    source = Source(board, history, station.name, line, player, page.host, token)
+    source = Source(board, history, station.name, player, page.host, token)
     async with served(source, page.port) as port:
         host = f"[{page.host}]" if ":" in page.host else page.host
         say(f"page at http://{host}:{port}/{f'?token={token}' if token else ''}")

@@ -8,21 +8,26 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import locale
-from collections.abc import AsyncIterator, Callable
+import sys
+from collections.abc import AsyncIterator, Callable, Sequence
 from typing import ClassVar
 
 from textual.app import App, ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
+from textual.filter import LineFilter
 from textual.screen import Screen
 from textual.widgets import Footer, Input, TabbedContent, TabPane
 
 from ahgateway.apps.board import Board, Note
+from ahgateway.apps.lanes import lanes_of
 from ahgateway.apps.lines import clock_time
 from ahgateway.apps.moments import moment_ns
 from ahgateway.apps.player import Player
+from ahgateway.apps.signs import is_legacy
 from ahgateway.clock import SECOND
 from ahgateway.errors import ProfileError, StateError
+from ahgateway.tui.console import StandIns
 from ahgateway.tui.event_log import EventLog
 from ahgateway.tui.health_panel import health_lines
 from ahgateway.tui.lines_panel import Line, LinesPanel, plain
@@ -90,6 +95,7 @@ class MonitorApp(App[None]):
         *,
         on_note: Callable[[Note], None] | None = None,
         player: Player | None = None,
+        encoding: str = "",
         is_ticking: bool = True,
     ) -> None:
         """Make the screen.
@@ -99,6 +105,7 @@ class MonitorApp(App[None]):
             title: What the station is called.
             on_note: Is told every note and marker, to keep them.
             player: Plays the recording that is shown; None for a live run.
+            encoding: What the console can show; "" asks the system.
             is_ticking: False when the caller redraws.
         """
         super().__init__()
@@ -107,6 +114,9 @@ class MonitorApp(App[None]):
         self._title = title
         self._on_note = on_note
         self._player = player
+        encoding = encoding or sys.stdout.encoding or locale.getpreferredencoding(False)
+        self._is_legacy = is_legacy(encoding)
+        self._stand_ins = StandIns(encoding)
         self._is_ticking = is_ticking
         self._names = list(board.watches)
         self._chosen = self._names[0]
@@ -137,10 +147,15 @@ class MonitorApp(App[None]):
 
     def on_mount(self) -> None:
         """Start to redraw; a console that cannot show Braille gets plain characters."""
-        self.query_one(Trend).is_plain = "utf" not in locale.getpreferredencoding(False).lower()
+        self.query_one(Trend).is_plain = self._is_legacy
         self.query_one(LoopsTable).take_focus()
         if self._is_ticking:
             self.set_interval(1 / REDRAWS_PER_SECOND, self.redraw)
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """Stand-ins come last, where the console lacks our signs."""
+        found = super().get_line_filters()
+        return [*found, self._stand_ins] if self._is_legacy else found
 
     def redraw(self) -> None:
         """Bring the page in front up to date, and the figures of one loop's health."""
@@ -173,7 +188,8 @@ class MonitorApp(App[None]):
         link = "link up" if monitor.is_up else "LINK DOWN"
         diverged = sum(watch.follower.counts.diverged > 0 for watch in monitor.watches)
         stale = sum(self._board.freshness(watch).is_stale for watch in monitor.watches)
-        parts = [self._title, f"{len(monitor.watches)} loops", link]
+        count = len(monitor.watches)
+        parts = [self._title, f"{count} loop{'s' if count != 1 else ''}", link]
         if stale:
             parts.append(f"{stale} STALE")
         parts.append(f"{diverged} DIVERGED" if diverged else "none diverged")
@@ -202,7 +218,7 @@ class MonitorApp(App[None]):
         span_s = SPANS_S[self._span]
         trace = board.trails.trails[name].trace(until_s - span_s)
         units = (watch.loop.pv_unit, watch.loop.mv_unit)
-        self._base.query_one(Trend).show(trace, until_s, span_s, units)
+        self._base.query_one(Trend).show(trace, until_s, span_s, units, lanes_of(watch.loop))
         terms, operands, figures = (
             self._base.query_one(f"#{id}", LinesPanel) for id in ("terms", "operands", "health")
         )

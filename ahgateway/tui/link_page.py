@@ -1,17 +1,15 @@
-"""The link: totals, first cause of trouble, round trips as a histogram, the last frames as bytes."""
+"""The link: totals, first cause of trouble, round trips as a histogram, the last frames decoded."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 from ahgateway.apps.board import Board
-from ahgateway.apps.lines import clock_time
-from ahgateway.apps.rows import round_trip_classes
+from ahgateway.apps.rows import frame_lines, round_trip_classes
 from ahgateway.clock import MILLISECOND
-from ahgateway.transports.base import Frame, LinkFigures
+from ahgateway.transports.base import LinkFigures
 
-FRAMES_SHOWN = 12
-BYTES_SHOWN = 24
+FRAMES_SHOWN = 20
 
 
 def link_lines(board: Board, width: int) -> list[str]:
@@ -29,8 +27,7 @@ def link_lines(board: Board, width: int) -> list[str]:
         *round_trip_lines(figures, width),
     ]
     if board.frames:
-        lines += ["", f"last frames (> out, < in), at most {BYTES_SHOWN} bytes of each"]
-        lines += [frame_line(frame) for frame in list(board.frames)[-FRAMES_SHOWN:]]
+        lines += ["", "last frames, > out, < in", *frame_lines(board, FRAMES_SHOWN)]
     return lines
 
 
@@ -57,9 +54,3 @@ def histogram(round_trips_ns: Iterable[int], width: int) -> list[str]:
         bar = "█" * max(1 if count else 0, round(count * width / most))
         lines.append(f"{low:>6g} … {below:<11} {count:>6} {bar}")
     return lines
-
-
-def frame_line(frame: Frame) -> str:
-    """One frame: time, direction, bytes."""
-    more = f" … {len(frame.data)} bytes" if len(frame.data) > BYTES_SHOWN else ""
-    return f"{clock_time(frame.utc_ns)} {frame.direction} {frame.data[:BYTES_SHOWN].hex(' ')}{more}"

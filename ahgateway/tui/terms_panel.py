@@ -39,5 +39,5 @@ def terms_lines(board: Board, watch: Watch, width: int) -> list[Line]:
 
 def _compared(row: TermRow) -> tuple[str, str]:
     if row.is_same is None:
-        return "", ""
+        return row.compared, ""
     return (f"= {row.compared}", "green") if row.is_same else (f"≠ {row.compared}", "bold red")

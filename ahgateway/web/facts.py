@@ -62,6 +62,7 @@ def _row(row: LoopRow, watch: Watch) -> Json:
         "mv": row.values[2],
         "units": [watch.loop.pv_unit, watch.loop.mv_unit],
         "mode": row.mode,
+        "way": row.way,
         "age_s": None if row.age_ns is None else row.age_ns / SECOND,
         "stale": row.is_stale,
         "health": row.health,

@@ -1,8 +1,8 @@
 """The page in a browser: files and facts over HTTP, on this machine only unless a token is asked for.
 
 This file alone decides who may read. It is read-only by construction: every handler knows GET and HEAD and nothing
-else, and nothing on this floor can reach the write gate (an import contract). Nothing is fetched from anywhere else:
-Bokeh's script comes out of its package, and the page's own policy forbids the browser to ask another host.
+else, and this floor may import neither the write gate nor a wire (an import contract). Nothing is fetched from
+anywhere else: Bokeh's script comes out of its package, and the page's own policy forbids to ask another host.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import ipaddress
 import json
 import math
 import socket
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -25,8 +25,8 @@ from tornado.web import Application, HTTPError, RequestHandler
 from ahgateway.apps.board import Board
 from ahgateway.apps.history import SLICES_MAX, History
 from ahgateway.apps.player import Player
+from ahgateway.apps.rows import frame_lines
 from ahgateway.errors import AhGatewayError, StateError
-from ahgateway.transports.base import Frame
 from ahgateway.web import facts
 from ahgateway.web.charts import chart
 
@@ -49,7 +49,6 @@ class Source:
         board: The run.
         history: What can be looked back on.
         station: What the station is called.
-        line: Turns a frame into a line, decoded.
         player: Who plays the recording; None for a live run.
         host: Address that is listened on.
         token: What a reader must know; empty for none.
@@ -58,7 +57,6 @@ class Source:
     board: Board
     history: History
     station: str
-    line: Callable[[Frame], str]
     player: Player | None = None
     host: str = HOST
     token: str = ""
@@ -203,8 +201,7 @@ class LinkPage(Reading):
     """The link's figures and last frames."""
 
     def get(self, *arguments: str) -> None:
-        frames = list(self.source.board.frames)[-FRAMES_SHOWN:]
-        self.answer(facts.link_json(self.source.board, [self.source.line(frame) for frame in frames]))
+        self.answer(facts.link_json(self.source.board, frame_lines(self.source.board, FRAMES_SHOWN)))
 
 
 class Log(Reading):

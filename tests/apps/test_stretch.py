@@ -74,7 +74,7 @@ def test_no_time_and_no_slices_are_refused(since_s, until_s, slices):
 
 def test_a_moment_without_a_verdict_belongs_to_the_run_before():
     marks = [Mark.NONE, Mark.PROVEN, Mark.NONE, Mark.PROVEN, Mark.DIVERGED, Mark.NONE]
-    assert [(1.0, 4.0, 1), (4.0, 5.0, 6)] == runs(stretch([0.0] * 6, mark=marks))
+    assert [(1.0, 4.0, 2), (4.0, 5.0, 6)] == runs(stretch([0.0] * 6, mark=marks))
     assert [] == runs(stretch([0.0], mark=[Mark.NONE]))
 
 

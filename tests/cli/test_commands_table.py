@@ -12,6 +12,7 @@ from ahgateway.cli.commands import COMMANDS, loaded
 ROOFS = {
     "__init__",
     "commands",
+    "can_dump",
     "check_ground",
     "gate_place",
     "pytest_plugin",

@@ -12,20 +12,20 @@ from ahgateway.tui.app import MonitorApp
 
 
 class ScreenWorld:
-    """The demo's two loops, followed and shown."""
+    """The loops of a shipped example, the demo's two unless another is named, followed and shown."""
 
-    def __init__(self, *, warm_up_s: int = 0) -> None:
-        loaded = load("demo")
+    def __init__(self, profile: str = "demo", *, warm_up_s: int = 0) -> None:
+        loaded = load(profile)
         self.clock = VirtualClock()
         self.plc = FakePlc(loaded.station(), loaded.fake_setup(), clock=self.clock)
         self.clock.advance_ns(warm_up_s * SECOND)
-        self.link = MemoryLink(self.plc, self.clock, target="memory:demo")
+        self.link = MemoryLink(self.plc, self.clock, target=f"memory:{profile}")
         self.monitor = Monitor(loaded.station(), self.link, self.clock)
         self.board = Board(self.monitor, self.clock)
         self.notes = []
 
-    def app(self) -> MonitorApp:
-        return MonitorApp(self.board, "Demo", on_note=self.notes.append, is_ticking=False)
+    def app(self, *, encoding: str = "utf-8") -> MonitorApp:
+        return MonitorApp(self.board, "Demo", on_note=self.notes.append, encoding=encoding, is_ticking=False)
 
     async def run(self, seconds: float) -> None:
         """Follow for so long and feed the board."""

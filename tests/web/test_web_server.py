@@ -25,7 +25,7 @@ async def world() -> ScreenWorld:
 
 
 def source(world: ScreenWorld, **more) -> Source:
-    return Source(world.board, History(world.board, lambda: None), "Demo", str, **more)
+    return Source(world.board, History(world.board, lambda: None), "Demo", **more)
 
 
 async def get(port: int, path: str, **more):

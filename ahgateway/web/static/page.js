@@ -70,7 +70,7 @@ function loops() {
       row = document.createElement("tr");
       row.innerHTML = "<td></td><td><span class=pill></span></td><td class=right></td><td class=right></td>"
         + "<td class=spark><canvas></canvas></td><td class=right></td><td class=right></td><td class=right></td>"
-        + "<td></td><td class=right></td><td></td><td class=notes></td>";
+        + "<td></td><td></td><td class=right></td><td></td><td class=notes></td>";
       row.cells[0].textContent = loop.name;
       row.tabIndex = 0;
       const open = () => { location.hash = `loop=${encodeURIComponent(loop.name)}`; };
@@ -93,9 +93,10 @@ function loops() {
     fill(row.cells[6], value(loop.pv, loop.units[0]), old);
     fill(row.cells[7], value(loop.mv, loop.units[1]), old);
     fill(row.cells[8], loop.mode);
-    fill(row.cells[9], loop.age_s === null ? "-" : `${loop.age_s.toFixed(1)} s`, old);
-    fill(row.cells[10], loop.health);
-    fill(row.cells[11], loop.notes, "notes");
+    fill(row.cells[9], loop.way);
+    fill(row.cells[10], loop.age_s === null ? "-" : `${loop.age_s.toFixed(1)} s`, old);
+    fill(row.cells[11], loop.health);
+    fill(row.cells[12], loop.notes, "notes");
   }
   fill(by("loops-count"), shown === state.loops.length ? "" : `${shown} of ${state.loops.length} loops`);
   if (by("choose").options.length !== state.loops.length) {
@@ -111,11 +112,11 @@ async function refreshLoop() {
   const row = found.row, old = row.stale;
   pill(by("word"), row.word);
   fill(by("loop-facts"), `${row.instruction} · proven ${row.proven} of ${row.total} (${Math.floor(row.coverage * 100)} %) · `
-    + `diverged ${row.diverged} · ${row.mode} · ${row.age_s === null ? "no picture" : `${row.age_s.toFixed(1)} s old`}`);
+    + `diverged ${row.diverged} · ${row.mode} · ${row.way} · ${row.age_s === null ? "no picture" : `${row.age_s.toFixed(1)} s old`}`);
   const side = (value, none) => value === null ? cell(none, "right hidden") : cell(old ? `(${value})` : value, old ? "right stale" : "right");
   by("terms").tBodies[0].replaceChildren(...found.terms.map((term) => line([
     cell(term.name), side(term.plc, row.age_s === null ? "-" : "not in memory"), side(term.ref, "-"),
-    cell(term.same === null ? "" : `${term.same ? "=" : "≠"} ${term.compared}`, term.same ? "same" : "apart"),
+    cell(term.same === null ? term.compared : `${term.same ? "=" : "≠"} ${term.compared}`, { true: "same", false: "apart" }[term.same] ?? "quiet"),
   ])));
   fill(by("reason"), [found.actuator, found.flags.join(", "), found.reason].filter(Boolean).join("; "));
   by("statement").hidden = !found.statement;

@@ -1,7 +1,7 @@
 // The trend of one loop: a Bokeh layout filled from the server, which sends no more samples than the screen can show.
 import { get } from "./pages.js";
 
-const HATCHES = [" ", " ", ".", "-", "/", "`", "x"];
+const HATCHES = [" ", ".", " ", "-", "/", "`", "x"];
 const SETTLE_MS = 120, LIVE_MS = 250;
 
 export class Trend {
@@ -144,7 +144,7 @@ export class Trend {
   draw() {
     this.legendPlace.replaceChildren(...this.legend.map(([mark, text]) => {
       const made = document.createElement("span");
-      const hatch = { 2: "M4 6h1M11 6h1M18 6h1", 3: "M0 6h22", 4: "M2 12L10 0M12 12L20 0", 5: "M10 12L2 0M20 12L12 0", 6: "M0 12L10 0M0 0L10 12M12 12L22 0M12 0L22 12" }[mark] ?? "";
+      const hatch = { 1: "M4 6h1M11 6h1M18 6h1", 3: "M0 6h22", 4: "M2 12L10 0M12 12L20 0", 5: "M10 12L2 0M20 12L12 0", 6: "M0 12L10 0M0 0L10 12M12 12L22 0M12 0L22 12" }[mark] ?? "";
       made.innerHTML = `<svg viewBox="0 0 22 12"><rect width="22" height="12" fill="var(--mark${mark})"/><path d="${hatch}" stroke="#000" stroke-opacity=".55" stroke-width="1.3"/></svg>`;
       made.append(text);
       return made;
