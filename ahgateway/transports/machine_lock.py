@@ -13,6 +13,8 @@ import sys
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
 
+from ahgateway.errors import StateError
+
 LOCKED_AT = 1 << 30
 """Where the byte stands that Windows locks: far behind the text, which others may read."""
 TRIES_MAX = 100
@@ -87,6 +89,28 @@ def take(path: Path, **facts: Any) -> MachineLock | Holder:
     file.write(json.dumps({"pid": os.getpid(), **facts}, ensure_ascii=False).encode("utf-8"))
     file.flush()
     return MachineLock(path, file)
+
+
+def hold(path: Path, taken: str, hint: str, **facts: Any) -> MachineLock:
+    """Take the lock on `path`, or say in one sentence who has it.
+
+    Args:
+        path: Where it stands.
+        taken: What is said when somebody has it; who that is follows.
+        hint: What to do then.
+        facts: What others are told of us.
+
+    Raises:
+        StateError: Somebody has it, or it cannot be opened.
+    """
+    try:
+        found = take(path, **facts)
+    except OSError as error:
+        raise StateError(f"lock {path}: cannot be opened: {error.strerror}") from error
+    if isinstance(found, MachineLock):
+        return found
+    holder = f" (process {found.pid}, {found.who or 'nobody named'})" if found.pid else ""
+    raise StateError(f"{taken}{holder}", hint=hint)
 
 
 def _holder(file: BinaryIO) -> Holder:

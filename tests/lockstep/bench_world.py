@@ -113,7 +113,7 @@ class Watched:
 
 
 def _dispose(gate: Gate, folder: Path) -> None:
-    gate._close()
+    gate._papers.close()
     shutil.rmtree(folder, ignore_errors=True)
 
 

@@ -38,7 +38,7 @@ from ahgateway.lockstep.picture import Picture
 from ahgateway.plants.rig import Rig
 from ahgateway.schema.scenario import Scenario
 from ahgateway.transports.base import Link
-from ahgateway.transports.machine_lock import MachineLock, take
+from ahgateway.transports.machine_lock import MachineLock, hold
 
 STEPS_PER_CYCLE = 2
 PROOF_CYCLES = 3
@@ -62,16 +62,8 @@ def bench_lease(folder: Path, target: str, who: str) -> MachineLock:
     Raises:
         StateError: Another run on this machine has it.
     """
-    try:
-        lock = take(bench_path(folder, target), who=who)
-    except OSError as error:
-        raise StateError(f"{folder}: the bench's lock cannot be opened: {error.strerror}") from error
-    if isinstance(lock, MachineLock):
-        return lock
-    holder = f" (process {lock.pid}, {lock.who or 'nobody named'})" if lock.pid else ""
-    raise StateError(
-        f"bench {target} is taken by another run on this machine{holder}", hint="wait for its end; one bench, one run"
-    )
+    taken = f"bench {target} is taken by another run on this machine"
+    return hold(bench_path(folder, target), taken, "wait for its end; one bench, one run", who=who)
 
 
 def only_virtual(scenario: Scenario) -> str:

@@ -26,18 +26,18 @@ from ahgateway.codec.words import decode
 from ahgateway.errors import AhGatewayError, PlcRefusedError, StateError, TransportError
 from ahgateway.lockstep.gate import change, checks, planning
 from ahgateway.lockstep.gate.change import Item, Step
-from ahgateway.lockstep.gate.journal import Journal, Told
+from ahgateway.lockstep.gate.journal import Told
 from ahgateway.lockstep.gate.outcome import Plan, Restored
+from ahgateway.lockstep.gate.papers import Papers
 from ahgateway.lockstep.gate.place import journal_path
 from ahgateway.lockstep.gate.plc_lease import PlcLease
 from ahgateway.lockstep.gate.scratch import with_scratch
-from ahgateway.lockstep.gate.session import GAINS, Session, decide, last_session, replayed, words_json
+from ahgateway.lockstep.gate.session import GAINS, Session, decide, replayed, words_json
 from ahgateway.lockstep.gate.states import Event, State, after
 from ahgateway.lockstep.gate.stepping import TRIGGER, Stepping, with_trigger
 from ahgateway.lockstep.gate.wire import Wire
 from ahgateway.lockstep.picture import Picture, Sees
 from ahgateway.transports.base import Link
-from ahgateway.transports.machine_lock import MachineLock, take
 
 ARM_DEFAULT_NS = 300 * SECOND
 ARM_MAX_NS = 3600 * SECOND
@@ -91,20 +91,18 @@ class Gate:
         self.recovered: Restored | None = None
         self.path = journal_path(directory, station, loop)
         self._clock = clock
-        self._told = told
         self._wire = Wire(station, loop, link, clock, sees)
         self._guard = None if loop.lease is None else PlcLease(station, guarded, self._wire, clock)
         self._stepping: Stepping | None = None
         self._spans = block.spans(loop, station.devices)
-        self._journal: Journal | None = None
-        self._lock: MachineLock | None = None
+        self._papers = Papers(self.path, clock, loop.name, who, told)
         self._ends_ns = 0
         self._written_ns: dict[str, int] = {}
 
     @property
     def anchor(self) -> str:
         """Hash of the journal's last record; it belongs on every sheet and recording."""
-        return self._journal.last if self._journal is not None else ""
+        return self._papers.anchor
 
     # Asking.
 
@@ -125,15 +123,14 @@ class Gate:
         if self.state is not State.DISARMED:
             after(self.state, Event.ARM)
         await self._finish_earlier()
-        self._open()
+        self._papers.open()
         try:
-            assert self._journal is not None
             if self._guard is not None:
                 await self._guard.take()
             picture = await self._wire.picture()
             checks.fit(self.loop, picture)
             words = {name: picture.words[name] for name in self._spans}
-            record = self._journal.append(
+            record = self._papers.append(
                 "armed",
                 loop=self.loop.name, station=self.station.name, target=self.station.target, unit=self.station.unit,
                 who=self.who, why=reason, seconds=duration_ns / SECOND, version=__version__,
@@ -144,7 +141,7 @@ class Gate:
                 await self._guard.guard(words)
         except BaseException:
             await self._give_back()
-            self._close()
+            self._papers.close()
             raise
         self.as_found = picture
         self.session = replayed([record])
@@ -156,9 +153,7 @@ class Gate:
 
     async def _finish_earlier(self) -> None:
         """Put back what a run that was killed left behind, before anything new begins."""
-        self._open()
-        assert self._journal is not None
-        pending = last_session(self._journal.records)
+        pending = self._papers.open()
         if pending is None or pending.end:
             return
         self.session = pending
@@ -182,7 +177,7 @@ class Gate:
         try:
             await self._guard.take(owner=session.lease, is_return=True)
         except BaseException:
-            self._close()
+            self._papers.close()
             raise
 
     async def _give_back(self) -> None:
@@ -340,7 +335,7 @@ class Gate:
         holds = {name: picture.words[name] for name in GAINS if name in picture.words}
         for operand, words in holds.items():
             self.session.prove(operand, words)
-        self._note("verified", holds=words_json(holds))
+        self._papers.note("verified", holds=words_json(holds))
 
     async def _keep(self) -> None:
         """End the arming and leave everything as it was written."""
@@ -363,12 +358,12 @@ class Gate:
         if self.session is None:
             raise StateError(f"loop {self.loop.name}: nothing was written that could be put back")
         self.state = after(self.state, Event.ABORT)
-        self._note("restoring", why=why)
+        self._papers.note("restoring", why=why)
         try:
             restored = await self._put_back(self.session)
         except BaseException:
             # A second Ctrl-C: the journal still says what is open, and the next start puts it back.
-            self._close()
+            self._papers.close()
             raise
         await self._give_back()
         if restored.is_clean:
@@ -376,8 +371,8 @@ class Gate:
             self._end("restored")
             return restored
         self.state = after(self.state, Event.LEFT)
-        self._note("left", text=restored.text(self.loop), operands=[each.operand for each in restored.conflicts])
-        self._close()
+        self._papers.note("left", text=restored.text(self.loop), operands=[each.operand for each in restored.conflicts])
+        self._papers.close()
         return restored
 
     async def recover(self, why: str = "asked for") -> Restored | None:
@@ -389,11 +384,9 @@ class Gate:
         Raises:
             StateError: Another gateway has the loop armed, or the journal is broken.
         """
-        self._open()
-        assert self._journal is not None
-        session = last_session(self._journal.records)
+        session = self._papers.open()
         if session is None or session.end in ("restored", "accepted"):
-            self._close()
+            self._papers.close()
             return None
         self.session = session
         await self._take_up(session)
@@ -401,7 +394,7 @@ class Gate:
         try:
             return await self.restore(why)
         finally:
-            self._close()
+            self._papers.close()
 
     def accept(self, why: str) -> bool:
         """End a session that was left open: a person has looked, and what stands in the PLC is right.
@@ -409,15 +402,13 @@ class Gate:
         Returns:
             False when no session was open.
         """
-        self._open()
-        assert self._journal is not None
-        session = last_session(self._journal.records)
+        session = self._papers.open()
         if session is None or session.end:
-            self._close()
+            self._papers.close()
             return False
         self.session = session
         self.state = after(State.BROKEN, Event.CLEARED)
-        self._journal.append("accepted", who=self.who, why=why)
+        self._papers.append("accepted", who=self.who, why=why)
         self._end("accepted")
         return True
 
@@ -462,17 +453,17 @@ class Gate:
         try:
             await self._wire.send(step.request)
         except PlcRefusedError as error:
-            self._note("refused", code=error.code, text=error.message)
+            self._papers.note("refused", code=error.code, text=error.message)
             raise
         except TransportError as error:
             # Nobody knows whether it arrived; it is not sent again, what stands there decides.
-            self._note("doubt", text=error.message)
+            self._papers.note("doubt", text=error.message)
             await self._clock.sleep_ns(self._wire.settle_ns)
         if is_write:
             self.state = after(self.state, Event.ACKNOWLEDGED)
         wrong = await self._wire.read_back(step)
         if wrong:
-            self._note("mismatch", text=wrong)
+            self._papers.note("mismatch", text=wrong)
             raise StateError(
                 f"loop {self.loop.name}: {wrong}",
                 hint="the PLC program or another master writes it too; look for it before anything else is written",
@@ -482,7 +473,7 @@ class Gate:
         holds = {item.operand: item.new for item in step.items}
         for operand, words in holds.items():
             self.session.prove(operand, words)
-        self._note("verified", holds=words_json(holds))
+        self._papers.note("verified", holds=words_json(holds))
         if is_write:
             self._written_ns.update(dict.fromkeys(holds, self._clock.now_ns()))
             self.state = after(self.state, Event.VERIFIED)
@@ -492,12 +483,11 @@ class Gate:
             "table": step.request.table.value, "address": step.request.address, "words": list(step.request.values),
             "items": [item.facts() for item in step.items], "who": self.who, "why": why,
         }  # fmt: skip
-        assert self._journal is not None
         if kind != "restore":
-            self._journal.append(kind, **facts)
+            self._papers.append(kind, **facts)
         else:
             # A full disk must not keep a loop from going back.
-            self._note(kind, **facts)
+            self._papers.note(kind, **facts)
 
     async def _undo(self, cause: BaseException) -> None:
         """Put back after a failure, once; raise what is left over."""
@@ -530,7 +520,7 @@ class Gate:
         if self._guard is None or not session.lease or session.is_put_back:
             return
         if (await self._guard.head()).put_back(session.lease):
-            self._note("put-back", text="the PLC itself, at the end of the lease")
+            self._papers.note("put-back", text="the PLC itself, at the end of the lease")
             session.put_back()
 
     async def _put_stage(self, stage: Mapping[str, tuple[int, ...]], now: Raw) -> None:
@@ -541,55 +531,17 @@ class Gate:
         for step in change.steps(self.loop, self.station, items, is_return=True):
             await self._carry_out(step, "restore", "")
 
-    # Paper.
-
-    def _open(self) -> None:
-        if self._lock is None:
-            lock = self._taken_lock()
-            try:
-                self._journal = Journal(self.path, self._clock, self._told)
-            except BaseException:
-                lock.release()
-                raise
-            self._lock = lock
-
-    def _taken_lock(self) -> MachineLock:
-        path = self.path.with_suffix(".lease")
-        try:
-            found = take(path, who=self.who, loop=self.loop.name)
-        except OSError as error:
-            raise StateError(f"lock {path}: cannot be opened: {error.strerror}") from error
-        if isinstance(found, MachineLock):
-            return found
-        holder = f" (process {found.pid}, {found.who or 'nobody named'})" if found.pid else ""
-        raise StateError(
-            f"loop {self.loop.name} is armed by another gateway on this machine{holder}",
-            hint="end that one first; only one may write",
-        )
-
-    def _close(self) -> None:
-        if self._lock is not None:
-            self._lock.release()
-            self._lock = None
-
     def _end(self, how: str) -> None:
         assert self.session is not None
         self.session.end = how
-        self._note("ended", how=how)
-        self._close()
+        self._papers.note("ended", how=how)
+        self._papers.close()
 
     def _write_down_stepping(self, why: str) -> None:
-        assert self._journal is not None
         assert self._stepping is not None
         assert self.session is not None
-        self._journal.append("stepping", operand=TRIGGER, device=str(self._stepping.coil), who=self.who, why=why)
+        self._papers.append("stepping", operand=TRIGGER, device=str(self._stepping.coil), who=self.who, why=why)
         self.session.intend(TRIGGER, (0,), (1,))
-
-    def _note(self, kind: str, **facts: Any) -> None:
-        """Add to the journal; what it tells has happened already and is not undone by a full disk."""
-        assert self._journal is not None
-        with contextlib.suppress(StateError):
-            self._journal.append(kind, **facts)
 
     def _unclean(self, restored: Restored, cause: BaseException | None) -> StateError:
         first = f"{cause.message if isinstance(cause, AhGatewayError) else cause}; " if cause is not None else ""

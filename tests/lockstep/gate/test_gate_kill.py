@@ -67,7 +67,7 @@ async def run_until(folder: Path, number: int, when: str, only_writes: bool = Tr
     try:
         await sequence(gate)
     except Cut:
-        gate._close()  # the operating system gives a dead process's lock back
+        gate._papers.close()  # the operating system gives a dead process's lock back
         return world
     return None
 
@@ -91,7 +91,7 @@ async def test_killed_in_the_middle_of_putting_back_and_again(tmp_path) -> None:
     second = world.gate(FailingLink(world.link, killed_at(1, "behind", True)))
     with pytest.raises(Cut):
         await second.arm("second start")
-    second._close()
+    second._papers.close()
     async with world.gate().armed("third start"):
         assert AS_FOUND == world.holds(*OPERANDS)
 

@@ -78,7 +78,7 @@ async def test_killed_the_plc_alone_puts_back(bench: Bench) -> None:
     gate = bench.gate()
     await gate.arm("test")
     await gate.write(CHANGES[bench.controller])
-    gate._close()
+    gate._papers.close()
     assert found != bench.holds()
     bench.later(3)
     assert found == bench.holds()

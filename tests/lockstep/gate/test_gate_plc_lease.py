@@ -67,7 +67,7 @@ async def vanishing(world: LeasedWorld, work) -> Gate:
     gate = world.gate()
     await gate.arm("test")
     await work(gate)
-    gate._close()
+    gate._papers.close()
     return gate
 
 
@@ -259,7 +259,7 @@ async def test_killed_around_any_request_the_plc_alone_puts_everything_back(tmp_
                 held = float(world.plc.read("L1", "MOUT"))
                 await gate.write({"MOUT": held + 2.0})
         except Cut:
-            gate._close()
+            gate._papers.close()
         else:
             break
         world.later(2.5)
@@ -281,7 +281,7 @@ async def test_the_next_start_takes_its_own_lease_up_again(tmp_path) -> None:
     with pytest.raises(Cut):
         async with gate.armed("killed"):
             await written(gate)
-    gate._close()
+    gate._papers.close()
     owner, begun_ns = world.word(OWNER), world.clock.now_ns()
     assert owner
     restored = await world.gate().recover()
