@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import socket
-import threading
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import pytest
-import serial.rfc2217
 from conformance.peers import SERVER, serial_pair
-from conformance.test_serial import Terminal, Writer
+from conformance.test_serial import SettingsServer
 
 from ahgateway.apps.commission.checks import Check, Outcome
 from ahgateway.apps.commission.link import Found, Patience, amended, find
@@ -109,49 +107,26 @@ async def test_a_plc_at_another_port_of_this_machine_is_found() -> None:
     assert 3 == sum("/gone" in target for target in seen), "a port that is not there is given up at once"
 
 
-class GuardedLine(threading.Thread):
-    """pyserial's RFC 2217 server before a pseudo-terminal; bytes pass only while the settings are the line's own."""
+class GuardedLine(SettingsServer):
+    """A network port behind which bytes pass only while the settings are the line's own; one caller after another."""
 
     def __init__(self, port: str, right: tuple[int, int, str]) -> None:
-        super().__init__(daemon=True)
-        self.listener = socket.create_server(("127.0.0.1", 0))
-        self.serial = Terminal(port, timeout=0.005)
+        super().__init__(port)
         self.right = right
         self.asked: list[tuple[int, int, str]] = []
-        self.is_over = False
 
     def run(self) -> None:
-        while not self.is_over:
-            try:
-                connection, _ = self.listener.accept()
-            except OSError:
-                return
-            with connection:
-                self._relay(connection)
-
-    def _relay(self, connection: socket.socket) -> None:
-        connection.settimeout(0.005)
-        manager = serial.rfc2217.PortManager(self.serial, Writer(connection))
         while True:
             try:
-                data = connection.recv(1024)
-            except TimeoutError:
-                data = None
+                super().run()
             except OSError:
                 return
-            if data == b"":
-                return
-            sent = b"".join(manager.filter(data)) if data else b""
-            settings = (self.serial.baudrate, self.serial.bytesize, self.serial.parity)
-            if sent:
-                self.asked.append(settings)
-            if sent and settings == self.right:
-                self.serial.write(sent)
-            if self.serial.in_waiting:
-                connection.sendall(b"".join(manager.escape(self.serial.read(self.serial.in_waiting))))
+
+    def passes(self, settings: tuple[int, int, str, int]) -> bool:
+        self.asked.append(settings[:3])
+        return settings[:3] == self.right
 
     def close(self) -> None:
-        self.is_over = True
         self.listener.shutdown(socket.SHUT_RDWR)
         self.listener.close()
         self.join(2)

@@ -167,6 +167,10 @@ class SettingsServer(threading.Thread):
         with connection:
             self._relay(connection)
 
+    def passes(self, settings: tuple[int, int, str, int]) -> bool:
+        """Tell whether bytes reach the line while it is set so."""
+        return True
+
     def _relay(self, connection: socket.socket) -> None:
         connection.settimeout(0.01)
         manager = serial.rfc2217.PortManager(self.serial, Writer(connection))
@@ -179,10 +183,12 @@ class SettingsServer(threading.Thread):
                 return
             if data == b"":
                 return
-            if data:
-                self.serial.write(b"".join(manager.filter(data)))
+            sent = b"".join(manager.filter(data)) if data else b""
             port = self.serial
-            self.seen.add((port.baudrate, port.bytesize, port.parity, int(port.stopbits)))
+            settings = (port.baudrate, port.bytesize, port.parity, int(port.stopbits))
+            self.seen.add(settings)
+            if sent and self.passes(settings):
+                self.serial.write(sent)
             if port.in_waiting:
                 connection.sendall(b"".join(manager.escape(port.read(port.in_waiting))))
 
