@@ -92,7 +92,7 @@ def _walked(recording: Recording, replay: Replay, name: str, compiled: bool) -> 
             break
     if state is None:
         return Bulk(name, 0, 0, None, followed, False, f"{name}: what the instruction remembers never became known")
-    walker = _Walker(loop, state, compiled)
+    walker = Walker(loop, state, compiled)
     for ticks, words in _tail(recording, name, followed - 1):
         walker.take(ticks, words)
     note = why_interpreted(loop.controller, loop.dialect)
@@ -107,7 +107,7 @@ def _tail(recording: Recording, name: str, skip: int) -> Iterator[tuple[NDArray[
         skip = max(0, skip - len(block.ticks))
 
 
-class _Walker:
+class Walker:
     """Steps a law from block to block and counts."""
 
     def __init__(self, loop: Loop, state: Any, compiled: bool) -> None:

@@ -58,4 +58,7 @@ def ulp_distance(left: REAL, right: REAL) -> int | None:
 
 def same_bits(left: REAL, right: REAL) -> bool:
     """Tell whether both have the same 32 bits, where all NaNs are one."""
-    return bits(left) == bits(right)
+    if left == right:
+        # Only zeros are equal with other bits.
+        return bool(left) or bits(left) == bits(right)
+    return bool(left != left and right != right)

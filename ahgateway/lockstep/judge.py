@@ -93,11 +93,12 @@ def judge(
     """
     if 1 in (before.inputs.pid_mode, after.inputs.pid_mode):
         return Execution(Verdict.UNOBSERVABLE, reason=TUNING, inputs=after.inputs), ()
-    fresh = recalled(loop, (after.inputs,) if after.is_exact else (after.inputs, before.inputs), after.seen)
     if not shadow:
         if executions_max > 1:
-            return Execution(Verdict.UNOBSERVABLE, reason=SEVERAL, inputs=after.inputs, count=executions_max), fresh
-        return Execution(Verdict.UNOBSERVABLE, reason=SEEDING, inputs=after.inputs), fresh
+            return Execution(Verdict.UNOBSERVABLE, reason=SEVERAL, inputs=after.inputs, count=executions_max), _fresh(
+                loop, before, after
+            )
+        return Execution(Verdict.UNOBSERVABLE, reason=SEEDING, inputs=after.inputs), _fresh(loop, before, after)
 
     names = judged_names(loop)
     variants = input_variants(loop, before, after)
@@ -107,7 +108,7 @@ def judge(
         if not found.is_decided and suspects and executions_max == 1:
             again = _same_fault(loop, shadow, variants, before, after, suspects)
         if again is not None:
-            return again[0], (*patched(loop, again[1], after.seen), *fresh)
+            return again[0], (*patched(loop, again[1], after.seen), *_fresh(loop, before, after))
         return _agreed(loop, found, names, before, after), merged(fit.after for fit in found.fits)
     overwritten = _overwritten_mout(loop, shadow, variants, before, after)
     if overwritten is not None:
@@ -118,20 +119,27 @@ def judge(
         return Execution(Verdict.UNOBSERVABLE, reason=UNRECORDED_PV, inputs=after.inputs), unrecorded
     assert found.nearest is not None
     if is_roughly_bounded(loop, found.nearest, after.seen):
-        return Execution(Verdict.UNOBSERVABLE, reason=OPEN_STATE, inputs=after.inputs), fresh
+        return Execution(Verdict.UNOBSERVABLE, reason=OPEN_STATE, inputs=after.inputs), _fresh(loop, before, after)
     proof = _proof(loop, found.nearest, names, after.seen)
     if proof is not None:
         reason = f"agrees by {proof.value} only; the tolerance of the profile allows it"
         weight = weigh(found.nearest.terms, names, before, after)
         execution = Execution(Verdict.MATCH, proof, weight, reason, found.nearest.terms, inputs=found.nearest.inputs)
-        return execution, (*patched(loop, found.nearest, after.seen), *fresh)
+        return execution, (*patched(loop, found.nearest, after.seen), *_fresh(loop, before, after))
     if executions_max > 1:
-        return Execution(Verdict.UNOBSERVABLE, reason=SEVERAL, inputs=after.inputs, count=executions_max), fresh
+        return Execution(Verdict.UNOBSERVABLE, reason=SEVERAL, inputs=after.inputs, count=executions_max), _fresh(
+            loop, before, after
+        )
     nearest = _nearest_known(loop, shadow, variants, after, names) or found.nearest
     execution = Execution(
         Verdict.DIVERGED, terms=nearest.terms, inputs=nearest.inputs, blame=blame(loop, nearest, before, after)
     )
-    return execution, (*patched(loop, nearest, after.seen), *fresh)
+    return execution, (*patched(loop, nearest, after.seen), *_fresh(loop, before, after))
+
+
+def _fresh(loop: Loop, before: Picture, after: Picture) -> Shadow:
+    """Start anew behind the execution: what a block that shows these words can remember."""
+    return recalled(loop, (after.inputs,) if after.is_exact else (after.inputs, before.inputs), after.seen)
 
 
 def _nearest_known(

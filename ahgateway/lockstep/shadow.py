@@ -62,7 +62,7 @@ class Bound(NamedTuple):
     @property
     def is_point(self) -> bool:
         """True when both ends have the same bits."""
-        return state_key(self.low) == state_key(self.high)
+        return self.low is self.high or state_key(self.low) == state_key(self.high)
 
 
 Shadow = tuple[Bound, ...]
@@ -136,7 +136,10 @@ def merged(bounds: Iterable[Bound]) -> Shadow:
     A settled state is not lost in the hull of open ones: it may turn out to be the right one.
     """
     hulls: dict[tuple[int, ...], Bound] = {}
-    for bound in bounds:
+    each = tuple(bounds)
+    if len(each) < 2:
+        return each
+    for bound in each:
         attr = open_attr(bound)
         settled = zip(bound.low._fields, state_key(bound.low), strict=True)
         key = (int(is_settled(bound)), *(0 if name == (attr or "d") else value for name, value in settled))
@@ -147,6 +150,8 @@ def merged(bounds: Iterable[Bound]) -> Shadow:
 
 def open_attr(bound: Bound) -> str | None:
     """Name the REAL in which the two ends differ, None when they do not."""
+    if bound.low is bound.high:
+        return None
     for name, low, high in zip(bound.low._fields, bound.low, bound.high, strict=True):
         if isinstance(low, np.floating) and not same_bits(low, high):
             return str(name)
@@ -185,8 +190,11 @@ def stepped(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> tuple[Bound, Any
         if bound.is_point:
             return Bound(low, low), low_terms, low_terms
         high, high_terms = controller.step(inputs, bound.high, loop.dialect, ts)
-    is_open_d = is_loose(loop) and open_attr(bound) == "d"
-    attr = "d" if is_open_d else open_attr(Bound(low, high))
+    was_open = open_attr(bound)
+    is_open_d = is_loose(loop) and was_open == "d"
+    # What was open stays in order; an integral that follows from it may run the other way, and shows itself.
+    still = was_open is not None and not same_bits(getattr(low, was_open), getattr(high, was_open))
+    attr = was_open if still else open_attr(Bound(low, high))
     if attr is not None and order(getattr(low, attr)) > order(getattr(high, attr)):
         low, high, low_terms, high_terms = high, low, high_terms, low_terms
     if is_open_d:
@@ -291,12 +299,14 @@ def explain(
             for ts in intervals(loop, inputs, bound.low, seen.get("I_MV")):
                 after, low_terms, high_terms = stepped(loop, inputs, bound, ts)
                 low = predicted(loop.controller, after.low, low_terms)
-                high = predicted(loop.controller, after.high, high_terms)
+                is_point = after.low is after.high
+                high = low if is_point else predicted(loop.controller, after.high, high_terms)
                 predictions = by_interval.setdefault(bits(ts), set())
                 predictions.add(tuple(bits(low[name]) for name in names))
-                predictions.add(tuple(bits(high[name]) for name in names))
+                if not is_point:
+                    predictions.add(tuple(bits(high[name]) for name in names))
                 fit = Fit(inputs, bound, after, low_terms, open_terms(low_terms, high_terms), ts)
-                if not same_words(names, low, high):
+                if not is_point and not same_words(names, low, high):
                     is_free = not (low_terms.flags | high_terms.flags) & (flag.FREEZE_HI | flag.FREEZE_LO)
                     if not (is_free and _is_excluded(names, low, high, seen)):
                         fitting.extend(_narrowed(loop, inputs, bound, seen, names, ts))
@@ -410,7 +420,7 @@ def _narrowed(
         state = bound.low._replace(**{attr: from_order(position)})
         return _side(loop, inputs, state, seen, names, ts)
 
-    low, high = order(getattr(bound.low, attr)), order(getattr(bound.high, attr))
+    low, high = sorted((order(getattr(bound.low, attr)), order(getattr(bound.high, attr))))
     margin = MARGIN_ULP if is_loose(loop) else 0
     if not margin or high - low > 4 * MARGIN_ULP:
         sign = -1 if side(low) > side(high) else 1
