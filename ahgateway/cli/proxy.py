@@ -13,8 +13,14 @@ if TYPE_CHECKING:
 
 
 def proxy(
-    listen: Annotated[int, typer.Option(metavar="PORT", help="TCP port, 0 takes a free one.", min=0, max=65535)],
     to: Annotated[str, typer.Option(metavar="TARGET", help="Where the PLC is; a serial port or a host.")],
+    listen: Annotated[
+        int | None, typer.Option(metavar="PORT", help="TCP port for the client, 0 takes a free one.", min=0, max=65535)
+    ] = None,
+    on: Annotated[
+        str | None,
+        typer.Option(metavar="TARGET", help="Serial port for the client instead: modbus+rtu:///dev/ttyUSB1?baud=9600."),
+    ] = None,
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
     faults: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Script of faults, `5 lost` or `rate 0.1 late,split` a line.")
@@ -26,9 +32,12 @@ def proxy(
 
     Without --faults and --seed it changes nothing. With them every fault is printed. No request is ever altered: it is
     passed on, held back, or answered here in the PLC's place; only replies are spoiled. The client speaks the PLC's
-    framing over TCP: for a serial RTU line, modbus+rtu+tcp://127.0.0.1:PORT. Ends with Ctrl-C.
+    framing, over TCP (for a serial RTU line, modbus+rtu+tcp://127.0.0.1:PORT) or, with --on, on a serial port of its
+    own. Ends with Ctrl-C.
 
     Example: ahgateway proxy --listen 5021 --to modbus+tcp://192.0.2.10 --seed 7
+
+    Example: ahgateway proxy --on modbus+rtu:///dev/ttyUSB1 --to modbus+rtu:///dev/ttyUSB0 --faults bad.txt
     """
     import asyncio
 
@@ -43,7 +52,16 @@ def proxy(
         )
     if rate <= 0.0:
         raise ProfileError(f"is {rate:g}, allowed above 0 up to 1", key="--rate")
-    asyncio.run(_proxy(target, host, listen, _script(target, faults, seed, rate)))
+    if (listen is None) == (on is None):
+        raise ProfileError("give either --listen PORT or --on TARGET", hint="--listen 0 takes a free port")
+    client = None if on is None else parse_uri(on)
+    if client is not None and (not client.path or WIRES.get(client.scheme) != WIRES[target.scheme]):
+        raise ProfileError(
+            f"`{on}` is no serial port that speaks as `{to}` does",
+            key="--on",
+            hint=f"it looks like modbus+{WIRES[target.scheme]}:///dev/ttyUSB1; a client over TCP takes --listen",
+        )
+    asyncio.run(_proxy(target, client, host, listen or 0, _script(target, faults, seed, rate)))
 
 
 def _script(target: Target, faults: Path | None, seed: int | None, rate: float) -> Script:
@@ -61,22 +79,28 @@ def _script(target: Target, faults: Path | None, seed: int | None, rate: float) 
     return Script(rules, seed or 0)
 
 
-async def _proxy(target: Target, host: str, port: int, script: Script) -> None:
+async def _proxy(target: Target, client: Target | None, host: str, port: int, script: Script) -> None:
     from ahgateway.cli.interrupt import stop_event
     from ahgateway.clock import WallClock
     from ahgateway.transports.proxy import FaultProxy
+    from ahgateway.transports.uri import line_of
 
     def said(number: int, fault: Fault, what: str) -> None:
         typer.echo(f"FAULT exchange {number}: {fault.value}: {what}")
 
     found = FaultProxy(target, script, WallClock(), said, lambda why: typer.echo(f"client dropped: {why}", err=True))
-    await found.listen(host, port)
+    if client is None:
+        await found.listen(host, port)
+        where = f"{host}:{found.port}"
+    else:
+        await found.listen_on(line_of(client))
+        where = client.text
     with stop_event() as stop:
         try:
-            if port == 0:
+            if client is None and port == 0:
                 typer.echo(str(found.port))
             is_on = "FAULTS ARE ON: this line lies" if script.rules else "no faults asked for, nothing is changed"
-            typer.echo(f"{host}:{found.port} -> {target.text}; {is_on}; Ctrl-C ends it", err=True)
+            typer.echo(f"{where} -> {target.text}; {is_on}; Ctrl-C ends it", err=True)
             await stop.wait()
         finally:
             await found.close()

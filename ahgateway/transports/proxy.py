@@ -1,4 +1,4 @@
-"""A proxy that spoils a real line on purpose: listens on TCP, speaks to a PLC over TCP or a serial port.
+"""A proxy that spoils a real line on purpose: a client on TCP or a serial port, a PLC on TCP or a serial port.
 
 Between two frames it changes nothing; what is no frame passes as it came. One client at a time, as on a line. Which
 exchange suffers what is the script's (`fault`); this file moves bytes and keeps their order.
@@ -9,12 +9,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import threading
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from typing import Protocol
 
 import serial
 
-from ahgateway.clock import Clock
+from ahgateway.clock import SECOND, Clock
 from ahgateway.errors import FrameError, LinkError, PlcRefusedError
 from ahgateway.transports.ascii import AsciiReplies, AsciiRequests
 from ahgateway.transports.fault import Fault, FaultyWire, Piece, Script
@@ -37,6 +37,8 @@ _FRAMINGS: dict[str, tuple[type[Framing], type[Framing]]] = {
     "ascii": (AsciiRequests, AsciiReplies),
 }
 PIECE_SIZE = 4096
+AGAIN_NS = SECOND // 2
+"""A client on a serial line stays when the PLC's side is lost; that side is opened again after so long."""
 
 Said = Callable[[int, Fault, str], None]
 """Told of every fault: the exchange's number, the fault, the request that suffers it."""
@@ -103,7 +105,7 @@ class FaultProxy:
     """Listens for one client at a time and passes its requests on; made for one target.
 
     Args:
-        target: Where the PLC is; the client speaks the same framing over TCP.
+        target: Where the PLC is; the client speaks the same framing.
         script: What happens when; one without rules changes nothing.
         clock: Waits delays.
         said: Told of every fault.
@@ -144,6 +146,29 @@ class FaultProxy:
             ) from error
         self.port = self._server.sockets[0].getsockname()[1]
 
+    async def listen_on(self, line: Line) -> None:
+        """Be the PLC on a serial line, where a client is the master.
+
+        Raises:
+            LinkError: The port cannot be had.
+        """
+        task = asyncio.ensure_future(self._serve_line(open_port(line)))
+        self._sessions.add(task)
+        task.add_done_callback(self._sessions.discard)
+
+    async def _serve_line(self, port: serial.Serial) -> None:
+        pieces: asyncio.Queue[bytes] = asyncio.Queue()
+        client = _PortEnd(port, pieces.put_nowait)
+        try:
+            while True:
+                try:
+                    await _Session(self, pieces.get, client.write).run()
+                except (OSError, FrameError) as error:
+                    self._dropped(error)
+                await self.wait(AGAIN_NS)
+        finally:
+            await client.close()
+
     async def close(self) -> None:
         """Stop listening and cut the client off."""
         if self._server is not None:
@@ -162,15 +187,18 @@ class FaultProxy:
         assert task is not None
         self._sessions.add(task)
         try:
-            await _Session(self, writer).run(reader)
+            await _Session(self, lambda: reader.read(PIECE_SIZE), writer.write).run()
         except asyncio.CancelledError:
             pass  # the proxy is being closed
         except (OSError, FrameError) as error:
-            if self._trouble is not None:
-                self._trouble(error.message if isinstance(error, LinkError | FrameError) else str(error))
+            self._dropped(error)
         finally:
             self._sessions.discard(task)
             writer.transport.abort()
+
+    def _dropped(self, error: OSError | FrameError) -> None:
+        if self._trouble is not None:
+            self._trouble(error.message if isinstance(error, LinkError | FrameError) else str(error))
 
     async def open_end(self, came: Callable[[bytes], None]) -> _End:
         """Open the PLC's side; `came` gets its bytes, and none when it is gone."""
@@ -209,19 +237,28 @@ class FaultProxy:
 
 
 class _Session:
-    """One client from its connection to its end."""
+    """One client from its connection to its end.
 
-    def __init__(self, proxy: FaultProxy, writer: asyncio.StreamWriter) -> None:
+    Args:
+        proxy: Decides what happens to each exchange.
+        read: Waits for the client's next bytes; none when it is gone.
+        write: Sends to the client.
+    """
+
+    def __init__(
+        self, proxy: FaultProxy, read: Callable[[], Awaitable[bytes]], write: Callable[[bytes], object]
+    ) -> None:
         self._proxy = proxy
-        self._writer = writer
+        self._read = read
+        self._write = write
         self._asked, self._answered = proxy.framings()
         self._raw = bytearray()
         self._out: asyncio.Queue[Piece] = asyncio.Queue()
         self._gone = asyncio.Event()
 
-    async def run(self, reader: asyncio.StreamReader) -> None:
+    async def run(self) -> None:
         end = await self._proxy.open_end(self._came)
-        tasks = [asyncio.ensure_future(each) for each in (self._requests(reader, end), self._send(), self._gone.wait())]
+        tasks = [asyncio.ensure_future(each) for each in (self._requests(end), self._send(), self._gone.wait())]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
@@ -232,8 +269,8 @@ class _Session:
             await asyncio.gather(*tasks, return_exceptions=True)
             await end.close()
 
-    async def _requests(self, reader: asyncio.StreamReader, end: _End) -> None:
-        while piece := await reader.read(PIECE_SIZE):
+    async def _requests(self, end: _End) -> None:
+        while piece := await self._read():
             for adu in self._asked.feed(piece):
                 self._pass_on_rest()
                 what = self._expect(adu.unit, adu.pdu)
@@ -284,4 +321,4 @@ class _Session:
         while True:
             delay_ns, data = await self._out.get()
             await self._proxy.wait(delay_ns)
-            self._writer.write(data)
+            self._write(data)

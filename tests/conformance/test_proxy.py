@@ -12,7 +12,9 @@ from typing import NamedTuple
 
 import pytest
 from conformance.peers import CLIENT, SERVER, TinyPlc, serial_pair
+from typer.testing import CliRunner
 
+from ahgateway.cli.main import app
 from ahgateway.clock import MILLISECOND, WallClock
 from ahgateway.codec.access import Read, Table, Write
 from ahgateway.codec.station import Pacing
@@ -20,6 +22,7 @@ from ahgateway.errors import AhGatewayError, LinkError, PlcRefusedError, ReplyTi
 from ahgateway.transports.fault import DETECTABLE, Fault, Rule, Script
 from ahgateway.transports.line import Line
 from ahgateway.transports.proxy import FaultProxy
+from ahgateway.transports.serial_link import SerialLink
 from ahgateway.transports.serial_server import serve_serial
 from ahgateway.transports.server import serve_tcp
 from ahgateway.transports.tcp import TcpLink
@@ -117,6 +120,42 @@ async def test_it_stands_before_a_serial_port() -> None:
         await link.close()
         await proxy.close()
         await server.close()
+
+
+@pytest.mark.parametrize("wire", ["rtu", "ascii"])
+async def test_it_stands_between_two_serial_ports(wire: str) -> None:
+    """Master, line, proxy, line, PLC: as with two adapters on a real RS-485 bus cut in two."""
+    async with serial_pair() as (plc_end, proxy_out), serial_pair() as (proxy_in, our_end):
+        server = await serve_serial(TinyPlc(), Line(plc_end, 115200, "N"), framing=SERVER[wire])
+        said: list[Fault] = []
+        script = Script((Rule((Fault.NOISE_INSIDE,), first=3, last=3),))
+        target = parse_uri(f"modbus+{wire}://{proxy_out}?baud=115200&parity=N&bits=8")
+        proxy = FaultProxy(target, script, WallClock(), lambda number, fault, what: said.append(fault))
+        await proxy.listen_on(Line(proxy_in, 115200, "N"))
+        line, scheme = Line(our_end, 115200, "N"), f"modbus+{wire}"
+        link = SerialLink(line, clock=WallClock(), pacing=Pacing(500), framing=CLIENT[wire], scheme=scheme)
+        assert (7, 14) == (await link.exchange(Read(1, Table.INPUT, 1, 2))).values
+        with pytest.raises(AhGatewayError):
+            await link.exchange(Read(1, Table.INPUT, 2, 2))
+        assert (21, 28) == (await link.exchange(Read(1, Table.INPUT, 3, 2))).values
+        assert [Fault.NOISE_INSIDE] == said
+        await link.close()
+        await proxy.close()
+        await server.close()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ((), "give either --listen PORT or --on TARGET"),
+        (("--listen", "0", "--on", "modbus+rtu:///dev/x"), "give either --listen PORT or --on TARGET"),
+        (("--on", "modbus+ascii:///dev/x"), "is no serial port that speaks as `modbus+rtu:///dev/y` does"),
+        (("--on", "modbus+rtu+tcp://127.0.0.1:1"), "is no serial port that speaks as"),
+    ],
+)
+def test_where_the_client_is_must_be_said_once(arguments: tuple[str, ...], said: str) -> None:
+    done = CliRunner().invoke(app, ["proxy", "--to", "modbus+rtu:///dev/y", *arguments])
+    assert said in str(done.exception)
 
 
 @pytest.mark.slow
