@@ -33,6 +33,10 @@ class _Ascii:
     def kept(self) -> int:
         return len(self._rest)
 
+    @property
+    def missing(self) -> int:
+        return 1
+
     def wrap(self, tag: int, unit: int, pdu: bytes) -> bytes:
         body = bytes((unit,)) + pdu
         return _START + (body + bytes((lrc(body),))).hex().upper().encode() + _END

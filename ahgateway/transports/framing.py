@@ -47,6 +47,10 @@ class Framing(Protocol):
     def kept(self) -> int:
         """Bytes of a frame that has not come to its end, or of no frame at all; bounded."""
 
+    @property
+    def missing(self) -> int:
+        """Bytes that the frame under way still needs, as far as its beginning tells; 1 when that is not known."""
+
     def wrap(self, tag: int, unit: int, pdu: bytes) -> bytes:
         """Return the frame that carries `pdu`."""
 
@@ -76,6 +80,10 @@ class Mbap:
     @property
     def kept(self) -> int:
         return len(self._rest)
+
+    @property
+    def missing(self) -> int:
+        return 1
 
     def wrap(self, tag: int, unit: int, pdu: bytes) -> bytes:
         return _HEADER.pack(tag, 0, len(pdu) + 1, unit) + pdu

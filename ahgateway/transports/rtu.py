@@ -36,6 +36,10 @@ class _Rtu:
     def kept(self) -> int:
         return len(self._rest)
 
+    @property
+    def missing(self) -> int:
+        return 1
+
     def wrap(self, tag: int, unit: int, pdu: bytes) -> bytes:
         frame = bytes((unit,)) + pdu
         return frame + crc(frame)
@@ -73,6 +77,13 @@ class RtuReplies(_Rtu):
             (bytes((unit,)) + head, 1 + size + _CRC_SIZE),
             (bytes((unit, head[0] | EXCEPTION_BIT)), _EXCEPTION_FRAME_SIZE),
         )
+
+    @property
+    def missing(self) -> int:
+        for head, size in self._wanted:
+            if self._rest.startswith(head):
+                return max(1, size - len(self._rest))
+        return 1
 
     def feed(self, piece: bytes | memoryview) -> list[Adu]:
         self._rest += piece

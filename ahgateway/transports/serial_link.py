@@ -198,7 +198,8 @@ class SerialLink:
             time.sleep(0)  # the event loop may run meanwhile
 
     def _take(self, port: serial.Serial) -> None:
-        piece = port.read(max(1, port.in_waiting))
+        # Waking for each byte of a reply would make its end come late; what is missing of it is waited for at once.
+        piece = port.read(max(self._engine.framing.missing, port.in_waiting))
         if piece:
             self._engine.received(piece, self._clock.now_ns())
             if self._is_out and self._engine.replies_on_connection:

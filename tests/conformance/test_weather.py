@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import socket
+import struct
 import time
 
 import pytest
@@ -392,6 +394,40 @@ async def test_the_link_is_back_when_its_peer_is() -> None:
     await link.close()
     server.close()
     await server.wait_closed()
+
+
+async def test_a_reset_connection_fails_the_request_at_once_and_is_made_again() -> None:
+    """SO_LINGER 0 makes the peer send RST instead of FIN, as a PLC does that restarts."""
+
+    async def reset_once(peer: Peer, number: int, request: Request, sound: bytes) -> bytes | None:
+        if peer.connections == 1 and number == 2:
+            sock = peer._writers[0].get_extra_info("socket")
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+            peer.cut()
+            return None
+        return sound
+
+    async with Peer("tcp", reset_once) as peer:
+        link = open_link(peer, "tcp", reply_timeout_ms=5000)
+        await link.exchange(TEN)
+        with pytest.raises(LinkError, match=r"the connection went away \(.*reset"):
+            await link.exchange(TEN)
+        assert addresses(TEN) == (await link.exchange(TEN)).values
+        assert 1 == link.figures.reconnects
+        await link.close()
+
+
+async def test_a_connection_that_is_idle_is_kept_alive_so_that_a_dead_peer_is_noticed() -> None:
+    async with Peer("tcp", honest) as peer:
+        link = open_link(peer, "tcp")
+        await link.exchange(TEN)
+        assert link._transport is not None
+        sock = link._transport.get_extra_info("socket")
+        assert 1 == sock.getsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE)
+        # After 30 s of silence three questions, ten seconds apart.
+        options = (socket.TCP_KEEPIDLE, socket.TCP_KEEPINTVL, socket.TCP_KEEPCNT)
+        assert [30, 10, 3] == [sock.getsockopt(socket.IPPROTO_TCP, option) for option in options]
+        await link.close()
 
 
 async def test_closing_wakes_everybody_who_waits() -> None:

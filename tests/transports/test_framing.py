@@ -135,3 +135,21 @@ def test_mbap_garbage_is_a_frame_error_or_nothing(pieces: list[bytes]) -> None:
         except FrameError:
             side.drain()
         assert side.kept < 260
+
+
+def test_rtu_says_what_the_reply_under_way_still_needs() -> None:
+    """02h asked of unit 1 for 16 bits: 01 02 02 … has 7 bytes with its CRC, an exception 5."""
+    framing = RtuReplies()
+    assert 1 == framing.missing, "nothing is waited for"
+    framing.expect(1, b"\x02\x02", 4)
+    for piece, missing in ((b"", 1), (b"\x01", 1), (b"\x02", 1), (b"\x02", 4), (b"\x34\x12\x2f", 1)):
+        framing.feed(piece)
+        assert missing == framing.missing
+    assert 1 == len(framing.feed(b"\x75"))
+    framing.expect(1, b"\x02\x02", 4)
+    framing.feed(b"\x01\x82")
+    assert 3 == framing.missing
+    framing.drain()
+    framing.expect(1, b"\x02\x02", 4)
+    framing.feed(b"\xff\x01")
+    assert 1 == framing.missing, "noise in front: nobody knows"
