@@ -16,16 +16,26 @@ import numpy as np
 from ahgateway.apps.report import number
 from ahgateway.core.real import REAL
 from ahgateway.errors import ProfileError
-from ahgateway.tuning.blocks import BLOCKS, Params
+from ahgateway.tuning.blocks import BLOCKS, Params, Use
 from ahgateway.tuning.compare import Comparison, compare
 from ahgateway.tuning.findings import Finding, Weight
 from ahgateway.tuning.identify import Identification, identify
 from ahgateway.tuning.models import Kind, Model
 from ahgateway.tuning.predict import Quality, Response, replayed
-from ahgateway.tuning.propose import LoopForm, Proposal, action, evaluate, present, proposals, recommended
+from ahgateway.tuning.propose import (
+    GAIN_NAMES,
+    TUNED,
+    LoopForm,
+    Proposal,
+    action,
+    evaluate,
+    present,
+    proposals,
+    recommended,
+)
 from ahgateway.tuning.record import Record
 from ahgateway.tuning.rules import RULES, Rule
-from ahgateway.tuning.runner import delta
+from ahgateway.tuning.runner import at_rest
 
 Json = dict[str, Any]
 
@@ -57,7 +67,7 @@ class Tuning:
     @property
     def is_refused(self) -> bool:
         """Tell whether no proposal was made."""
-        return self.identified.is_refused
+        return self.identified.is_refused or self.loop is None
 
 
 def tune(
@@ -74,7 +84,7 @@ def tune(
 
     Args:
         record: The trace.
-        instruction: DPID or DPIDE.
+        instruction: DPID, DPIDE, MELSEC_PID or PID_Temp without cooling.
         settings: What is known of its operands; what is missing has its default.
         dial: 0 cautious … 1 fast.
         kind: The model to take; None chooses.
@@ -82,18 +92,23 @@ def tune(
         writable: Operands that may be written where the gains go; None is all.
 
     Raises:
-        ProfileError: The trace is too short or runs backwards, or a setting is not known.
+        ProfileError: The trace is too short or runs backwards, a setting is not known, or no rule knows the block.
     """
     full = BLOCKS[instruction].settings(settings)
-    low, high = sorted((float(full["MV_MIN"]), float(full["MV_MAX"])))
-    identified = identify(replace(record, mv_limits=record.mv_limits or (low, high)), kind)
+    _check_block(instruction, full)
+    bounds = BLOCKS[instruction].read(full, Use())
+    identified = identify(replace(record, mv_limits=record.mv_limits or (bounds.umin, bounds.umax)), kind)
     if identified.fit is None or identified.is_refused:
         return Tuning(identified, None, dial, None, (), None, {}, identified.findings)
     model = identified.fit.model
+    if instruction == "PID_Temp" and model.gain < 0.0:
+        text = f"PID_Temp has no negative gain, and the process's gain is {model.gain:.3g}"
+        found_ = Finding("wrong-direction", Weight.REFUSED, text, "tune the cooling output as a block of its own")
+        return Tuning(identified, None, dial, None, (), None, {}, (*identified.findings, found_))
     loop = replace(_loop(identified, instruction, full), writable=writable)
     found = proposals(model, loop, dial, rules)
     now = None
-    if any(name in settings for name in ("Kp", "Kc_Kp")):
+    if any(name in settings for name in ("Kp", "Kc_Kp", "KP", "Heat_Gain")):
         now = evaluate("present", "what the loop holds now", present(loop), model, loop)
     again = _again(identified, loop, (*found, *((now,) if now else ())))
     findings = (*identified.findings, *_of_loop(model, loop, settings))
@@ -110,6 +125,30 @@ def writable_ones(found: tuple[Proposal, ...], loop: LoopForm) -> tuple[Proposal
         for each in found
         if all(name in loop.writable or REAL(value) == REAL(now[name]) for name, value in each.settings.items())
     )
+
+
+def _check_block(instruction: str, settings: Params) -> None:
+    """Refuse the blocks for which rules for PID gains would be guesses."""
+    if instruction not in TUNED:
+        raise ProfileError(
+            f"rules for PID gains know {', '.join(TUNED)}, not {instruction}, which moves its actuator by pulses",
+            hint="tune it as a DPIDE with an analog output, then `ahgateway migrate --to PID_REG_CE --stroke SECONDS`"
+            if instruction == "PID_REG_CE"
+            else None,
+        )
+    for name, is_tuning in (("PID_MODE", settings.get("PID_MODE") == 1), ("ACT", int(settings.get("ACT", 0)) & 0x10)):
+        if is_tuning:
+            raise ProfileError(
+                f"{instruction} still seeks its gains itself ({name} is {shown(settings[name])}), its law stands",
+                key=name,
+                hint="wait until it has ended, or say what it will be with --set",
+            )
+    if settings.get("ActivateCooling"):
+        raise ProfileError(
+            "PID_Temp heats and cools: one model cannot stand for both, so that no gains are proposed",
+            key="ActivateCooling",
+            hint="record heating alone and tune with --set ActivateCooling=FALSE, then cooling alone",
+        )
 
 
 def _loop(identified: Identification, instruction: str, settings: Params) -> LoopForm:
@@ -133,12 +172,13 @@ def _of_loop(model: Model, loop: LoopForm, settings: Params) -> list[Finding]:
     """What the loop's present settings have to do with the model."""
     found = []
     now = present(loop)
-    if "PID_DIR" in settings and now.sign != action(model, loop):
+    name = "ACT" if loop.instruction == "MELSEC_PID" else "PID_DIR"
+    if name in settings and now.sign != action(model, loop):
         text = (
-            f"PID_DIR is {'TRUE' if now.sign > 0 else 'FALSE'}, but the process's gain is {model.gain:.3g}: "
+            f"{name} is {shown(settings[name])}, but the process's gain is {model.gain:.3g}: "
             "with this direction the loop runs away"
         )
-        found.append(Finding("wrong-direction", Weight.WARNING, text, "the proposals hold the right PID_DIR"))
+        found.append(Finding("wrong-direction", Weight.WARNING, text, f"the proposals hold the right {name}"))
     fast = max(model.dead_time_s, 0.1 * model.slowness_s)
     if now.ts_s > 0.5 * fast:
         text = f"CYCLE is {now.ts_s:g} s, which is slow beside the process's {fast:.3g} s: it costs gain"
@@ -157,7 +197,7 @@ def _again(identified: Identification, loop: LoopForm, found: tuple[Proposal, ..
     out = {}
     for each in found:
         settings = block.settings(loop.settings) | each.settings
-        still = delta(loop.instruction, settings, float(record.sv[0]), float(record.pv[0]), float(record.mv[0]))
+        still = at_rest(loop.instruction, settings, float(record.sv[0]), float(record.pv[0]), float(record.mv[0]))
         out[each.name] = replayed(still, fit.model, trace, fit.moved)
     return out
 
@@ -386,8 +426,7 @@ def rows(result: Tuning) -> list[list[str]]:
 
 def gains_of(each: Proposal) -> list[str]:
     """The gains of a proposal in the loop's form, without what is 0."""
-    names = ("Kp", "Ki", "Kd", "Kc_Kp", "Ti_Ki", "Td_Kd", "Tf")
-    return [f"{name} {each.settings[name]:.4g}" for name in names if each.settings.get(name)]
+    return [f"{name} {each.settings[name]:.4g}" for name in GAIN_NAMES if each.settings.get(name)]
 
 
 def _short(value: float) -> str:

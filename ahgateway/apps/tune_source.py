@@ -17,6 +17,7 @@ from ahgateway.apps.replay import picture_of
 from ahgateway.clock import SECOND
 from ahgateway.core.operands import Kind
 from ahgateway.errors import ProfileError
+from ahgateway.lockstep.follow import output_of, process_value_of, target_of
 from ahgateway.recording.reader import Recording
 from ahgateway.tuning.blocks import BLOCKS, Params
 from ahgateway.tuning.record import Array, Record, polled
@@ -128,7 +129,8 @@ def read_recording(path: Path, name: str | None = None) -> tuple[Record, str, Pa
         for row in recording.rows({loop.name}):
             picture = picture_of(loop, row)
             times.append(row.last_ns / SECOND)
-            values.append((float(picture.inputs.sv), float(picture.inputs.pv), float(picture.seen["MV"])))
+            now = (target_of(loop, picture), process_value_of(loop, picture), output_of(loop, picture))
+            values.append((float(now[0]), float(now[1]), float(now[2])))
         if picture is None:
             raise ProfileError(f"holds no samples of loop {loop.name}", file=str(path))
     settings = settings_of(loop.controller.name, picture.inputs)

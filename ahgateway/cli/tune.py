@@ -55,7 +55,8 @@ def tune(
     record_file: RecordFile = None,
     record_frames: RecordFrames = False,
     instruction: Annotated[
-        str | None, typer.Option(help="DPID or DPIDE, for a CSV file; a recording knows it. Default DPIDE.")
+        str | None,
+        typer.Option(help="For a CSV file: DPID, DPIDE (default), MELSEC_PID, PID_Temp."),
     ] = None,
     settings: Annotated[
         list[str] | None, typer.Option("--set", metavar="NAME=VALUE", help="An operand as it stands now: CYCLE=200.")
@@ -198,11 +199,9 @@ def _source(
     if is_recording(path):
         record, name, settings = read_recording(path, loop)
         return record, name, settings
-    name = (instruction or "DPIDE").upper()
-    if name not in ("DPID", "DPIDE"):
-        raise ProfileError(
-            f"`{instruction}` is no instruction of the AH500, known are DPID, DPIDE", key="--instruction"
-        )
+    from ahgateway.tuning.conversion import block
+
+    name = block(instruction or "DPIDE").name
     return read_csv(path, columns), name, {}
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ahgateway.core.dialect import DEFAULT, Dialect
 from ahgateway.tuning.record import Record
-from ahgateway.tuning.runner import Given, Runner, delta
+from ahgateway.tuning.runner import Given, Runner, at_rest
 
 Array = NDArray[np.float64]
 
@@ -76,8 +76,8 @@ def compare(record: Record, instruction: str, old: Given, new: Given, dialect: D
     def run(settings: Given) -> Runner:
         """The law with such an integral that its first execution gives the first recorded MV."""
         begun = (float(sv[0]), float(pv[0]))
-        reached = delta(instruction, settings, *begun, float(mv[0]), dialect).execute(*begun)
-        return delta(instruction, settings, *begun, 2.0 * float(mv[0]) - reached, dialect)
+        reached = at_rest(instruction, settings, *begun, float(mv[0]), dialect).execute(*begun)
+        return at_rest(instruction, settings, *begun, 2.0 * float(mv[0]) - reached, dialect)
 
     first = run(old)
     times = np.arange(t[0], t[-1] + 1e-9, first.ts_s)
@@ -90,4 +90,4 @@ def compare(record: Record, instruction: str, old: Given, new: Given, dialect: D
 
 
 def _ts(instruction: str, settings: Given) -> float:
-    return delta(instruction, settings, 0.0, 0.0, 0.0).ts_s
+    return at_rest(instruction, settings, 0.0, 0.0, 0.0).ts_s

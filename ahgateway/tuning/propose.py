@@ -18,14 +18,25 @@ from ahgateway.tuning.margins import Margins, margins
 from ahgateway.tuning.models import Kind, Model
 from ahgateway.tuning.predict import Quality, Response, judge_load, judge_setpoint, simulate
 from ahgateway.tuning.rules import RULES, Rule, apply
-from ahgateway.tuning.runner import Runner, delta
+from ahgateway.tuning.runner import Runner, at_rest
 
 FILTER_SHARE = 8.0
 """Tf of a proposal is Td by this: noise is held down, and the phase lost is small."""
 EXECUTIONS_MAX = 4000
 MS_WANTED = 1.7
 """Largest Ms of a proposal that is recommended."""
-GAIN_NAMES = ("Kp", "Ki", "Kd", "Kc_Kp", "Ti_Ki", "Td_Kd", "Tf")
+GAIN_NAMES = (
+    "Kp", "Ki", "Kd", "Kc_Kp", "Ti_Ki", "Td_Kd", "Tf", "KP", "TI", "TD", "KD",
+    "Heat_Gain", "Heat_Ti", "Heat_Td", "Heat_TdFiltRatio",
+)  # fmt: skip
+"""What a proposal is about, in the blocks' own names."""
+FORM_NAMES = ("PID_DIR", "PID_DE", "ACT", "Heat_DWeighting")
+"""What a proposal may change besides: direction of action, and whether D sees SV."""
+D_OF_PV = {"DPIDE": "PID_DE", "PID_Temp": "Heat_DWeighting"}
+"""Blocks that can choose what D acts on, and by which operand; MELSEC's D always is of PV."""
+TUNED = ("DPID", "DPIDE", "MELSEC_PID", "PID_Temp")
+"""Blocks that rules for PID gains have something to say of."""
+ACT_REVERSE = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +44,7 @@ class LoopForm:
     """The loop as it stands: instruction, its settings now, and where it works.
 
     Attributes:
-        instruction: DPID or DPIDE.
+        instruction: One of `TUNED`.
         settings: Its operands by the manual's names; what is missing has its default.
         at: PV and MV of the operating point.
         sv_step: Size of the setpoint step that is predicted, in PV.
@@ -99,18 +110,19 @@ def proposals(model: Model, loop: LoopForm, dial: float = 0.5, rules: tuple[Rule
         rules: Which rules.
     """
     now = present(loop)
-    may_choose = loop.instruction == "DPIDE" and (loop.writable is None or "PID_DE" in loop.writable)
+    chosen_by = D_OF_PV.get(loop.instruction)
+    may_choose = chosen_by is not None and (loop.writable is None or chosen_by in loop.writable)
     out = []
     for rule in rules:
         gains = apply(rule, model, now.ts_s, dial)
         if gains is None:
             continue
-        filter_s = gains.td_s / FILTER_SHARE if loop.instruction == "DPIDE" else 0.0
+        filter_s = gains.td_s / FILTER_SHARE if loop.instruction != "DPID" else 0.0
         wanted = replace(
             standard(gains.kc, gains.ti_s, gains.td_s, tf_s=filter_s),
             c=0.0 if gains.td_s > 0.0 and may_choose else now.c,
             sign=action(model, loop), ts_s=now.ts_s, umin=now.umin, umax=now.umax, bias=now.bias,
-            band=now.band, band_kind=now.band_kind,
+            band=now.band, band_kind=now.band_kind, b=now.b, tau_pv_s=now.tau_pv_s,
         )  # fmt: skip
         out.append(evaluate(rule.name, rule.source, wanted, model, loop))
     return tuple(out)
@@ -121,7 +133,12 @@ def evaluate(name: str, source: str, wanted: Canonical, model: Model, loop: Loop
     block = BLOCKS[loop.instruction]
     now = block.settings(loop.settings)
     form = Use(dependent=bool(now.get("PID_EQ", False)))
-    written = {key: rounded(value) for key, value in block.write(wanted, form).items() if key != "PID_MODE"}
+    written = {
+        key: rounded(value) for key, value in block.write(wanted, form).items() if key in (*GAIN_NAMES, *FORM_NAMES)
+    }
+    if "ACT" in written:
+        # Only the direction is ours, the other bits of ACT are alarms, limits and tuning.
+        written["ACT"] = int(now["ACT"]) & ~ACT_REVERSE | int(written["ACT"]) & ACT_REVERSE
     full = now | written
     real = block.read(full, Use())
     length = horizon_s(model, real)
@@ -144,7 +161,7 @@ def evaluate(name: str, source: str, wanted: Canonical, model: Model, loop: Loop
 
 def _runs(loop: LoopForm, settings: Mapping[str, float | int | bool]) -> Callable[[], Runner]:
     pv, mv = loop.at
-    return lambda: delta(loop.instruction, settings, pv, pv, mv, loop.dialect)
+    return lambda: at_rest(loop.instruction, settings, pv, pv, mv, loop.dialect)
 
 
 def horizon_s(model: Model, settings: Canonical) -> float:

@@ -148,3 +148,12 @@ def runner(name: str, settings: Given, sv: float, pv: float, mv: float, stroke_s
     if name == "PID_REG_CE":
         return pulses(settings, mv, stroke_s)
     return None
+
+
+def at_rest(name: str, settings: Given, sv: float, pv: float, mv: float, dialect: Dialect = DEFAULT) -> Runner:
+    """Return a block that has a law of ours at rest there; `dialect` is that of DPID and DPIDE."""
+    if name in ("DPID", "DPIDE"):
+        return delta(name, settings, sv, pv, mv, dialect)
+    found = runner(name, settings, sv, pv, mv)
+    assert found is not None
+    return found
