@@ -23,6 +23,7 @@ from ahgateway.lockstep.judge import Execution
 from ahgateway.schema.profile import load
 
 MS = 1_000_000
+SYNCS = 2500
 SYNC = CanFrame(0x80, b"")
 A, B = Span(Table.HOLDING, 100, 2), Span(Table.COIL, 1, 6)
 MAP = CanMap((), (Pdo(0x183, (A,)), Pdo(0x283, (B,))), Sync(0x80, 20_000, 10_000))
@@ -110,16 +111,18 @@ async def follow(world: CyclicWorld, syncs: int) -> list[Execution]:
 
 
 @pytest.mark.slow
-async def test_lost_and_repeated_frames_cost_coverage_and_convict_nobody() -> None:
-    world = CyclicWorld(lost=0.01, repeated=0.02)
-    found = await follow(world, 1000)
+@pytest.mark.parametrize("seed", range(1, 1 + 10_000 // SYNCS))
+async def test_lost_and_repeated_frames_cost_coverage_and_convict_nobody(seed: int) -> None:
+    """Ten thousand cycles in all, each run with other frames lost."""
+    world = CyclicWorld(lost=0.01, repeated=0.02, seed=seed)
+    found = await follow(world, SYNCS)
     figures, counts = world.link.figures.cycles, world.follower.summary()
     assert figures is not None
     assert [] == [each for each in found if each.verdict is Verdict.DIVERGED]
-    assert 0 < figures.syncs_missed < 30
-    assert 0 < figures.incomplete < 150
+    assert 0 < figures.syncs_missed < 0.03 * SYNCS
+    assert 0 < figures.incomplete < 0.15 * SYNCS
     assert figures.repeated > 0
-    assert figures.complete == 1000 - figures.syncs_missed - figures.incomplete
+    assert figures.complete == SYNCS - figures.syncs_missed - figures.incomplete
     executed = world.plc.executed("TIC-101")
     assert abs(counts.total - executed) <= 2, "what was not seen is counted too"
     assert counts.informative > 0.8 * executed
