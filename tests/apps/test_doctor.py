@@ -16,6 +16,7 @@ from ahgateway.apps.doctor import (
     Outcome,
     check_answer,
     check_clock,
+    check_cycles,
     check_port,
     judge,
     line_behind,
@@ -23,8 +24,10 @@ from ahgateway.apps.doctor import (
 )
 from ahgateway.cli.doctor import doctor
 from ahgateway.clock import MILLISECOND, VirtualClock
+from ahgateway.codec.can_cycle import CycleFigures
 from ahgateway.fake.plc import FakePlc
 from ahgateway.schema.profile import load
+from ahgateway.transports.base import LinkFigures
 from ahgateway.transports.line import Line
 from ahgateway.transports.memory import MemoryLink
 from ahgateway.transports.uri import parse_uri
@@ -121,3 +124,26 @@ def test_the_demo_is_good_in_text_and_in_json() -> None:
 def test_a_line_that_is_not_there_ends_with_3() -> None:
     done = CliRunner().invoke(app, ["demo", "--target", "modbus+rtu:///dev/ttyNOWHERE"], catch_exceptions=False)
     assert (3, True) == (done.exit_code, "fail  port: /dev/ttyNOWHERE: no such port" in done.stdout)
+
+
+@pytest.mark.parametrize(
+    ("complete", "incomplete", "missed", "outcome"),
+    [(300, 0, 0, Outcome.GOOD), (297, 3, 0, Outcome.GOOD), (297, 3, 1, Outcome.WARN), (290, 10, 0, Outcome.WARN)],
+)
+def test_more_than_one_cycle_in_a_hundred_lost_is_warned_of(
+    complete: int, incomplete: int, missed: int, outcome: Outcome
+) -> None:
+    cycles = CycleFigures(300, missed, complete=complete, incomplete=incomplete, late=2, jitter_ns_max=310_000)
+    (check,) = check_cycles(LinkFigures(cycles=cycles))
+    assert outcome is check.outcome
+    assert (
+        f"300 SYNC, at worst 0.31 ms off their period, {missed} missed; {complete} of 300 cycles complete, "
+        "2 PDOs outside their window" == check.text
+    )
+
+
+def test_the_jitter_of_our_own_pdos_is_said_when_there_are_any() -> None:
+    cycles = CycleFigures(10, complete=10, sent=9, sent_ns_min=1_200_000, sent_ns_max=3_450_000)
+    (check,) = check_cycles(LinkFigures(cycles=cycles))
+    assert check.text.endswith("; PDOs of ours leave within 2.25 ms of each other behind SYNC")
+    assert [] == check_cycles(LinkFigures()), "a link without PDOs"
