@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import asyncio
     from collections.abc import AsyncIterator
 
+    from ahgateway.apps.check.fingerprint import Difference
     from ahgateway.apps.check.history import Past
     from ahgateway.apps.check.result import Floor, Result
     from ahgateway.apps.check.suite import Ground
@@ -28,8 +29,12 @@ MARKS = {"pass": "pass", "known": "known", "inconclusive": "INCONCLUSIVE", "erro
 
 def check(
     paths: Annotated[
-        list[str], typer.Argument(help="Scenario files and folders, or the shipped `conformance`, `dpid`, `dpide`.")
-    ],
+        list[str] | None,
+        typer.Argument(
+            help="Scenario files and folders, or the shipped `conformance` (`dpid` and `dpide`), `melsec_pid`, "
+            "`pid_reg_ce`, `pid_temp`, `plants`."
+        ),
+    ] = None,
     profile: Annotated[
         str | None, typer.Option(help="Profile of the bench: its loops and dialects; without it the shipped bench.")
     ] = None,
@@ -56,6 +61,13 @@ def check(
     against: Annotated[
         Path | None, typer.Option(help="Compare with this fingerprint; a difference is a failure.")
     ] = None,
+    compare: Annotated[
+        tuple[Path, Path] | None,
+        typer.Option(metavar="OLD NEW", help="Run nothing: compare two fingerprints that were kept."),
+    ] = None,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Keep a recording of each scenario in this folder.")
+    ] = None,
     history: Annotated[Path | None, typer.Option(help="Keep the results here, and say since when one fails.")] = None,
     output: Annotated[Output, typer.Option(help="text for people, json for one object per line.")] = Output.TEXT,
 ) -> None:
@@ -71,23 +83,50 @@ def check(
 
     Example: ahgateway check dpide -k "manual or saturation" --profile demo
 
+    Example: ahgateway check --compare firmware-1.json firmware-2.json
+
     Example: ahgateway check dpide --profile bench.toml --target modbus+tcp://192.0.2.10:502 --arm --history nights.db
     """
     import asyncio
 
-    from ahgateway.errors import StateError
+    from ahgateway.errors import ProfileError, StateError
     from ahgateway.schema.scenario import collected, known_differences
 
-    scenarios = [each for each in collected(paths) if _is_wanted(each.name, expression)]
+    if (compare is None) == (not paths):
+        raise ProfileError("name scenarios, or two fingerprints with --compare", hint="`ahgateway check conformance`")
+    if compare is not None:
+        raise typer.Exit(_compared(*compare, output))
+    scenarios = [each for each in collected(paths or []) if _is_wanted(each.name, expression)]
     if not scenarios:
         raise StateError(
             f"no scenario matches -k `{expression}`", hint="`ahgateway check conformance` runs the shipped"
         )
     part = _shard(scenarios, shard)
-    asked = Asked(profile, target, loop, over, arm, directory)
+    asked = Asked(profile, target, loop, over, arm, directory, record)
     entries = () if known is None else known_differences(known)
     files = _Files(junit, html, fingerprint, against, history, is_part=bool(expression or shard))
     raise typer.Exit(asyncio.run(_check(part, asked, _Wish(seed, repeat, entries, files, output))))
+
+
+def _compared(old: Path, new: Path, output: Output) -> int:
+    """Compare two kept fingerprints; return the exit code."""
+    from ahgateway.apps.check.fingerprint import compared, read
+
+    before, after = read(old), read(new)
+    differences = compared(before, after)
+    both = len(set(before["scenarios"]) & set(after["scenarios"]))
+    code = 1 if differences else 0 if both else 3
+    if output is Output.JSON:
+        print_json({"kind": "compare", "scenarios": both, "exit": code, "differences": _told(differences)})
+        return code
+    for each in differences:
+        typer.echo(f"{each.scenario:28} {each.text}")
+    typer.echo(f"{both} scenarios in both, {len(differences)} differ")
+    return code
+
+
+def _told(differences: list[Difference]) -> list[dict[str, Any]]:
+    return [{"scenario": each.scenario, "text": each.text, "change": each.change} for each in differences]
 
 
 class _Files:
@@ -141,7 +180,7 @@ async def _check(scenarios: list[Scenario], asked: Asked, wish: _Wish) -> int:
             typer.echo(f"note: known difference `{entry.scenario}` of {entry.owner} was not seen", err=True)
         rest = f", {len(left_out)} left out" if left_out else ""
         claim = _claim(found, floor, rest, is_whole=not stop.is_set())
-        return _closed(found, floor, bench.target, claim, wish, utc_ns, is_whole=not stop.is_set())
+        return _closed(found, floor, bench, claim, wish, utc_ns, is_whole=not stop.is_set())
 
 
 async def _carried_out(
@@ -199,7 +238,7 @@ async def _next(items: AsyncIterator[Item]) -> tuple[Item, ...]:
 
 
 def _closed(
-    found: list[Result], floor: Floor, target: str, claim: str, wish: _Wish, utc_ns: int, *, is_whole: bool
+    found: list[Result], floor: Floor, bench: Ground, claim: str, wish: _Wish, utc_ns: int, *, is_whole: bool
 ) -> int:
     """Write the files, say what came out, return the exit code."""
     from ahgateway.apps.check import fingerprint as prints
@@ -208,8 +247,8 @@ def _closed(
     from ahgateway.apps.check.page import page
     from ahgateway.apps.check.result import run_exit
 
-    files, seed, output = wish.files, wish.seed, wish.output
-    mine = prints.fingerprint(found, seed)
+    files, seed, output, target = wish.files, wish.seed, wish.output, bench.target
+    mine = prints.fingerprint(found, seed, is_repeatable=bench.is_repeatable)
     differences = [] if files.before is None else prints.compared(files.before, mine, is_part=files.is_part)
     code = int(run_exit(found))
     if differences:
@@ -220,16 +259,18 @@ def _closed(
         _write(files.junit, junit(found if floor.is_sound else [_condemned(floor)], target, utc_ns))
     if files.fingerprint is not None:
         _write(files.fingerprint, prints.text_of(mine))
+    past = [] if files.history is None else _past(files.history, found, target, seed, utc_ns)
     if files.html is not None:
         text = page(
             found, floor=floor, target=target, claim=claim, seed=seed, utc_ns=utc_ns,
-            against=str(files.against or ""), differences=differences,
+            against=str(files.against or ""), differences=differences, past=past,
         )  # fmt: skip
         _write(files.html, text)
-    past = [] if files.history is None else _past(files.history, found, target, seed, utc_ns)
     if output is Output.JSON:
-        told = [{"scenario": each.scenario, "text": each.text, "change": each.change} for each in differences]
-        print_json({"kind": "run", "claim": claim, "exit": code, "seed": seed, "differences": told} | _past_json(past))
+        print_json(
+            {"kind": "run", "claim": claim, "exit": code, "seed": seed, "differences": _told(differences)}
+            | _past_json(past)
+        )
         return code
     for each in differences:
         typer.echo(f"{each.scenario:28} {each.text}")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import sys
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from ahgateway.apps.check.keep import Recordings
     from ahgateway.apps.check.run import Bench
     from ahgateway.apps.check.suite import Ground
     from ahgateway.codec.station import Station
@@ -26,6 +28,7 @@ class Asked:
     over: str = "memory"
     is_armed: bool = False
     directory: Path | None = None
+    record: Path | None = None
 
 
 @contextlib.asynccontextmanager
@@ -58,10 +61,16 @@ def _virtual(asked: Asked, station: Station, wanted: Target, shipped: str) -> Be
 
     if asked.over not in WIRES:
         raise ProfileError(f"`{asked.over}` is no wire, allowed are {', '.join(WIRES)}", key="--over")
-    if asked.target is None:
-        return Bench(station, station, asked.loop, wire=WIRES[asked.over])
-    other = load(shipped if wanted.path == "bench" else wanted.path).station()
-    return Bench(station, other, asked.loop, wire=WIRES[asked.over])
+    fake = station if asked.target is None else load(shipped if wanted.path == "bench" else wanted.path).station()
+    return Bench(station, fake, asked.loop, wire=WIRES[asked.over], recordings=_recordings(asked))
+
+
+def _recordings(asked: Asked) -> Recordings | None:
+    if asked.record is None:
+        return None
+    from ahgateway.apps.check.keep import Recordings
+
+    return Recordings(asked.record, " ".join(["ahgateway", *sys.argv[1:]]))
 
 
 @contextlib.asynccontextmanager
@@ -91,7 +100,7 @@ async def _live(asked: Asked, station: Station, wanted: Target) -> AsyncIterator
         try:
             clock = WallClock()
             async with open_target(station, clock) as link:
-                yield LiveBench(station, link, clock, folder, asked.loop, who)
+                yield LiveBench(station, link, clock, folder, asked.loop, who, _recordings(asked))
         finally:
             lease.release()
 

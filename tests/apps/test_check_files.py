@@ -6,8 +6,10 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+import xmlschema
 
 from ahgateway.apps.check.fingerprint import compared, fingerprint, read, text_of
+from ahgateway.apps.check.history import Past
 from ahgateway.apps.check.junit import junit
 from ahgateway.apps.check.page import page
 from ahgateway.apps.check.result import Floor, Outcome, Result, State, Trouble, Verdict
@@ -40,6 +42,17 @@ def test_junit_says_failure_for_the_product_and_error_for_the_bench() -> None:
         "cut": ["error", "system-out"],
         "old": ["skipped", "system-out"],
     } == told
+
+
+def test_junit_is_what_its_schema_allows() -> None:
+    schema = xmlschema.XMLSchema(Path(__file__).parents[1] / "golden" / "junit.xsd")
+
+    schema.validate(junit(ALL, "fake://bench", NOON))
+    schema.validate(junit([], "fake://bench", NOON))
+    with pytest.raises(xmlschema.XMLSchemaValidationError):
+        schema.validate(
+            junit(ALL, "fake://bench", NOON).replace("<failure", "<failed").replace("</failure", "</failed")
+        )
 
 
 def test_junit_holds_what_no_xml_may_hold() -> None:
@@ -76,12 +89,38 @@ def test_fingerprints_of_different_seeds_are_not_compared() -> None:
         compared(fingerprint([PASSED], 1), fingerprint([PASSED], 2))
 
 
+def test_words_of_a_fake_are_not_compared_with_expectations_of_a_real_plc() -> None:
+    with pytest.raises(ProfileError, match="one fingerprint is of words, the other of expectations"):
+        compared(fingerprint([PASSED], 1), fingerprint([PASSED], 1, is_repeatable=False))
+
+
 def test_a_file_that_is_no_fingerprint_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "print.json"
     file.write_text('{"kind": "other"}')
 
     with pytest.raises(ProfileError, match="is no fingerprint"):
         read(file)
+
+
+def test_the_page_shows_the_last_nights_and_draws_what_drifts() -> None:
+    past = Past(
+        "dpid/level", 4, "2026-11-21 12:00 UTC", 2, {"response.0.iae": (10.0, 12.0), "clamps": (1.0, 1.01)},
+        ("a", "b", "c", "d"), ("pass", "inconclusive", "pass", "fail"),
+        {"response.0.iae": (10.0, None, 11.0, 12.0), "clamps": (1.0, 1.0, 1.0, 1.01)},
+    )  # fmt: skip
+    first = Past("dpid/step", 1, None, 0, {})
+    text = page(
+        ALL, floor=Floor(True, "agrees"), target="fake://bench", claim="", seed=1, utc_ns=NOON, past=[past, first]
+    )  # fmt: skip
+
+    assert (
+        '<code><span class="pass">.</span><span class="inconclusive">?</span><span class="pass">.</span>'
+        '<span class="fail">F</span></code>'
+    ) in text
+    assert 3 == text.count("<svg")
+    assert "dpid/level: response.0.iae" in text
+    assert "dpid/level: clamps" not in text
+    assert 1 == text.count("<tr><td>dpid/step</td>") + text.count('">dpid/step</a></td><td>pass')
 
 
 def test_the_page_shows_every_scenario_and_escapes_what_files_say() -> None:

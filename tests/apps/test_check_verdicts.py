@@ -110,6 +110,25 @@ def test_a_coverage_that_is_missed_is_inconclusive_not_a_failure() -> None:
     assert Verdict.INCONCLUSIVE is ran(scenario(cut)).verdict
 
 
+def test_a_late_pv_is_seen_by_the_block_that_records_it() -> None:
+    fresh = '\n[expect]\nshadow = "none"\nfresh_pv = true\n'
+
+    assert Verdict.PASS is ran(replace(scenario(fresh), duration_s=2.0)).verdict
+    assert (
+        Verdict.FAIL is ran(replace(scenario(fresh), duration_s=2.0), replace(BENCH, fault="pv-one-scan-late")).verdict
+    )
+
+
+@pytest.mark.parametrize(
+    "expect", ['shadow = "bits"', 'shadow = "ulp"\nulp_max = 4', 'shadow = "tolerance"\nmv_max = 0.001']
+)
+def test_a_shadow_that_leaves_is_violated_however_much_is_tolerated(expect: str) -> None:
+    wanted = replace(scenario(f"\n[expect]\n{expect}\n"), duration_s=1.0)
+
+    assert Verdict.FAIL is not ran(wanted).verdict
+    assert Verdict.FAIL is ran(wanted, replace(BENCH, fault="gain-1-percent")).verdict
+
+
 CAUGHT_BY = {
     "dead-band-ignored": ("dead-band", 12.0),
     "direction-reversed": ("dead-band", 2.0),
@@ -273,9 +292,23 @@ def test_shards_together_are_the_whole() -> None:
 # Wires.
 
 
-@pytest.mark.parametrize("wire", ["tcp", "rtu"])
-def test_a_scenario_gives_the_same_words_over_every_wire(wire: str) -> None:
+WHOLE = [(folder, each.stem) for folder in ("dpid", "dpide") for each in sorted((library() / folder).glob("*.toml"))]
+BRIEF_S = 0.4
+"""So much of each scenario goes over the sockets here; the bench program sends the whole library over them."""
+
+
+@pytest.mark.parametrize("wire", ["tcp", "rtu", "ascii"])
+def test_the_library_leaves_the_same_words_over_every_wire(wire: str) -> None:
+    for folder, name in WHOLE:
+        wanted = load(library() / folder / f"{name}.toml")
+        brief = replace(wanted, duration_s=BRIEF_S, expect=wanted.expect.model_copy(update={"response": []}))
+        here, there = ran(brief), ran(brief, replace(BENCH, wire=WIRES[wire]))
+
+        assert (here.digests, here.counts, here.troubles) == (there.digests, there.counts, there.troubles), name
+
+
+def test_a_scenario_gives_the_same_words_over_a_socket() -> None:
     short = replace(scenario(""), duration_s=1.5)
-    result = ran(short, replace(BENCH, wire=WIRES[wire]))
+    result = ran(short, replace(BENCH, wire=WIRES["rtu"]))
 
     assert (Verdict.PASS, ran(short).digests) == (result.verdict, result.digests)

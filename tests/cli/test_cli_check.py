@@ -91,3 +91,43 @@ def test_a_plc_that_is_no_match_for_the_profile_is_not_the_products_fault(tmp_pa
     result = RUNNER.invoke(app, ["check", folder(tmp_path), "--target", f"fake://{other}"])
 
     assert (3, True) == (result.exit_code, "wrong profile" in result.stdout)
+
+
+def test_two_kept_fingerprints_are_compared_without_running_anything(tmp_path: Path) -> None:
+    mine = folder(tmp_path)
+    old, new, other = (str(tmp_path / name) for name in ("old.json", "new.json", "other.json"))
+    for file, seed in ((old, "1"), (new, "1")):
+        assert 0 == RUNNER.invoke(app, ["check", mine, "--fingerprint", file, "--seed", seed]).exit_code
+    dialect = tmp_path / "trapezoid.toml"
+    shipped = (library() / "bench.toml").read_text("utf-8")
+    dialect.write_text(
+        shipped.replace('flags = "M21"', 'flags = "M21"\ndialect = { integrator = "trapezoid" }'), "utf-8"
+    )
+    assert 0 == RUNNER.invoke(app, ["check", mine, "--fingerprint", other, "--profile", str(dialect)]).exit_code
+
+    same = RUNNER.invoke(app, ["check", "--compare", old, new])
+    assert (0, "1 scenarios in both, 0 differ\n") == (same.exit_code, same.stdout)
+    differing = RUNNER.invoke(app, ["check", "--compare", old, other, "--output", "json"])
+    assert (1, ["mine/rest"]) == (
+        differing.exit_code, [each["scenario"] for each in json.loads(differing.stdout)["differences"]]
+    )  # fmt: skip
+
+
+def test_scenarios_and_compare_are_not_asked_for_together(tmp_path: Path) -> None:
+    for arguments in ([], ["dpid", "--compare", "a.json", "b.json"]):
+        result = RUNNER.invoke(app, ["check", *arguments])
+        assert isinstance(result.exception, ProfileError)
+
+
+def test_each_scenario_is_recorded_and_replay_comes_to_the_same_verdicts(tmp_path: Path) -> None:
+    kept = tmp_path / "kept"
+    done = RUNNER.invoke(app, ["check", folder(tmp_path), "--repeat", "2", "--record", str(kept)])
+
+    assert (0, ["mine-rest-2.ahrec", "mine-rest.ahrec"]) == (
+        done.exit_code,
+        sorted(each.name for each in kept.iterdir()),
+    )
+    replayed = RUNNER.invoke(app, ["replay", str(kept / "mine-rest.ahrec"), "--diverged"])
+    assert (0, True) == (replayed.exit_code, "the same verdicts as then: " in replayed.stdout)
+    again = RUNNER.invoke(app, ["check", str(tmp_path / "mine"), "--record", str(kept)])
+    assert (3, True) == (again.exit_code, "never overwritten" in again.stdout)

@@ -35,12 +35,16 @@ class Difference:
     change: int = 0
 
 
-def fingerprint(results: Iterable[Result], seed: int) -> dict[str, Any]:
-    """Return a run as one JSON object; only scenarios of which words were seen have a part in it."""
+def fingerprint(results: Iterable[Result], seed: int, *, is_repeatable: bool = True) -> dict[str, Any]:
+    """Return a run as one JSON object; only scenarios of which words were seen have a part in it.
+
+    Of a run in real time, which is not repeatable, it holds what became of each expectation instead of words.
+    """
     return {
         "kind": KIND,
         "version": VERSION,
         "seed": seed,
+        "of": "words" if is_repeatable else "expectations",
         "scenarios": {each.name: [f"{digest:08x}" for digest in each.digests] for each in results if each.digests},
     }
 
@@ -48,7 +52,7 @@ def fingerprint(results: Iterable[Result], seed: int) -> dict[str, Any]:
 def text_of(found: dict[str, Any]) -> str:
     """Return the file's text: one scenario a line."""
     scenarios = ",\n".join(f"  {json.dumps(name)}: {json.dumps(each)}" for name, each in found["scenarios"].items())
-    head = ", ".join(f"{json.dumps(key)}: {json.dumps(found[key])}" for key in ("kind", "version", "seed"))
+    head = ", ".join(f"{json.dumps(key)}: {json.dumps(found[key])}" for key in ("kind", "version", "seed", "of"))
     return f'{{{head}, "scenarios": {{\n{scenarios}\n}}}}\n'
 
 
@@ -79,11 +83,17 @@ def compared(before: dict[str, Any], after: dict[str, Any], *, is_part: bool = F
         is_part: The new one is of a part of the scenarios only: what it does not have is no difference.
 
     Raises:
-        ProfileError: They were taken with different seeds, so that nothing can be said.
+        ProfileError: They were taken with different seeds, or one on a fake and one on a real PLC.
     """
     if before["seed"] != after["seed"]:
         raise ProfileError(
             f"the fingerprints were taken with seeds {before['seed']} and {after['seed']}", hint="give the same --seed"
+        )
+    kinds = [str(each.get("of", "words")) for each in (before, after)]
+    if kinds[0] != kinds[1]:
+        raise ProfileError(
+            f"one fingerprint is of {kinds[0]}, the other of {kinds[1]}",
+            hint="words are those of a fake in virtual time, expectations those of a real PLC",
         )
     found = []
     for name in sorted({*before["scenarios"], *after["scenarios"]}):

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import json
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from itertools import pairwise
 from pathlib import Path
@@ -45,6 +45,9 @@ class Past:
         failed_since: UTC of the first failure of those that it ends with; None when it did not fail last.
         flips: How often its verdict changed from one of these runs to the next.
         drifts: Figure to its oldest and its newest value, of those that differ.
+        nights: UTC of these runs, oldest first.
+        verdicts: Their verdicts.
+        series: Figure to its value in each of these runs; None where a run did not measure it.
     """
 
     name: str
@@ -52,6 +55,16 @@ class Past:
     failed_since: str | None
     flips: int
     drifts: dict[str, tuple[float, float]]
+    nights: tuple[str, ...] = ()
+    verdicts: tuple[str, ...] = ()
+    series: Mapping[str, tuple[float | None, ...]] = field(default_factory=dict)
+
+    @property
+    def moved(self) -> list[str]:
+        """Figures that moved by more than `DRIFT` from the oldest of these runs to the newest."""
+        return [
+            name for name, (old, new) in self.drifts.items() if abs(new - old) > DRIFT * max(abs(old), abs(new))
+        ]  # fmt: skip
 
 
 def kept(path: Path, results: Sequence[Result], target: str, seed: int, version: str, utc_ns: int) -> list[Past]:
@@ -91,15 +104,22 @@ def _past(base: sqlite3.Connection, name: str, target: str) -> Past:
     ).fetchall()
     verdicts = [verdict for _, verdict, _ in rows]
     failing = next((at for at, verdict in enumerate(verdicts) if verdict != "fail"), len(rows))
-    since = None if not failing else datetime.fromtimestamp(rows[failing - 1][0] // SECOND, UTC)
+    since = None if not failing else _day(rows[failing - 1][0])
     newest, oldest = json.loads(rows[0][2]), json.loads(rows[-1][2])
     return Past(
         name,
         len(rows),
-        None if since is None else since.strftime("%Y-%m-%d %H:%M UTC"),
+        since,
         sum(one != other for one, other in pairwise(verdicts)),
         {key: (oldest[key], newest[key]) for key in newest if key in oldest and oldest[key] != newest[key]},
+        tuple(_day(utc_ns) for utc_ns, _, _ in reversed(rows)),
+        tuple(reversed(verdicts)),
+        {key: tuple(json.loads(figures).get(key) for _, _, figures in reversed(rows)) for key in newest},
     )
+
+
+def _day(utc_ns: int) -> str:
+    return datetime.fromtimestamp(utc_ns // SECOND, UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
 def sentence(past: Past) -> str:
@@ -109,9 +129,9 @@ def sentence(past: Past) -> str:
         parts.append(f"fails since {past.failed_since}")
     if past.flips > 1:
         parts.append(f"changed its verdict {past.flips} times in {past.runs} runs")
-    for name, (oldest, newest) in past.drifts.items():
-        if abs(newest - oldest) > DRIFT * max(abs(oldest), abs(newest)):
-            parts.append(f"{name} went from {oldest:.4g} to {newest:.4g} in {past.runs} runs")
+    for name in past.moved:
+        oldest, newest = past.drifts[name]
+        parts.append(f"{name} went from {oldest:.4g} to {newest:.4g} in {past.runs} runs")
     return ", ".join(parts)
 
 

@@ -18,11 +18,13 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from ahgateway.apps.check.keep import Recordings, kept
 from ahgateway.apps.check.pace import Pace, sentence
 from ahgateway.apps.check.result import Floor
 from ahgateway.apps.check.run import Bench
 from ahgateway.apps.check.timeline import TimeLine
 from ahgateway.apps.check.watch import CutLink, Seen, Watch, believed, loop_for
+from ahgateway.apps.witness import Witness
 from ahgateway.clock import SECOND, Clock
 from ahgateway.codec.block import Raw
 from ahgateway.codec.station import Const, Loop, Station
@@ -92,6 +94,7 @@ class LiveBench:
         folder: Where journals and leases stand.
         loop: Loop to use; empty for the first with the scenario's instruction.
         who: Who asks, for the journal.
+        recordings: Keeps what is seen and written of each scenario; None keeps nothing.
     """
 
     station: Station
@@ -100,6 +103,7 @@ class LiveBench:
     folder: Path
     loop: str = ""
     who: str = ""
+    recordings: Recordings | None = None
 
     @property
     def target(self) -> str:
@@ -127,7 +131,7 @@ class LiveBench:
 
     async def _floor(self, scenario: Scenario, seed: int, wall: Clock) -> Floor:
         """Hold the scenario's beginning for a while: every PV that was written must stand, pace must be kept."""
-        seen = await self.run(scenario, seed, wall)
+        seen = await replace(self, recordings=None).run(scenario, seed, wall)
         if seen.troubles:
             return Floor(False, seen.troubles[0].text)
         return Floor(True, f"each PV written stood until the next; {sentence(seen.pace)}", 0.0, seen.counts.compared)
@@ -139,10 +143,13 @@ class LiveBench:
             StateError: The scenario or the profile does not allow it, or something could not be put back.
             TransportError: The link failed before the scenario began.
         """
-        course = LiveCourse(self, scenario, seed)
+        loop = allowed_loop(self.station, scenario, self.loop)
+        station = replace(self.station, loops=(loop,))
         duration_ns = min(round((scenario.duration_s + scenario.limit_s) * SECOND) + ARM_MARGIN_NS, ARM_MAX_NS)
-        async with course.gate.armed(f"check {scenario.name}", duration_ns=duration_ns):
-            return await course.run()
+        with kept(self.recordings, scenario, station, self.clock) as witness:
+            course = LiveCourse(self, scenario, station, seed, witness)
+            async with course.gate.armed(f"check {scenario.name}", duration_ns=duration_ns):
+                return await course.run()
 
 
 class LiveCourse:
@@ -152,19 +159,15 @@ class LiveCourse:
         gate: The door to the PLC.
     """
 
-    def __init__(self, bench: LiveBench, scenario: Scenario, seed: int) -> None:
-        refused = only_virtual(scenario)
-        if refused:
-            raise StateError(f"scenario {scenario.name}: {refused}", hint="it runs on `--target fake://PROFILE`")
-        loop = believed(loop_for(bench.station, scenario.controller.name, bench.loop), scenario)
-        _check_allowed(bench.station, loop, scenario)
-        self._station = replace(bench.station, loops=(loop,))
-        self._scenario, self._loop, self._clock = scenario, loop, bench.clock
+    def __init__(self, bench: LiveBench, scenario: Scenario, station: Station, seed: int, witness: Witness) -> None:
+        loop = station.loops[0]
+        self._scenario, self._loop, self._clock, self._witness = scenario, loop, bench.clock, witness
         self._pv = loop.controller.roles.pvs[0]
         self._link = CutLink(bench.link, bench.clock)
-        self._watch = Watch(scenario, self._station, self._link, bench.clock, bench.clock.now_ns())
+        self._watch = Watch(scenario, station, self._link, bench.clock, bench.clock.now_ns(), witness.see)
         self.gate = Gate(
-            self._station, loop, bench.link, bench.clock, bench.folder, who=bench.who, sees=self._glimpse
+            station, loop, bench.link, bench.clock, bench.folder,
+            who=bench.who, sees=self._glimpse, told=witness.told,
         )  # fmt: skip
         self._rig = self._process(seed)
         self._line = TimeLine(scenario, self._pv)
@@ -333,6 +336,7 @@ class LiveCourse:
 
     def _glimpse(self, picture: Picture) -> None:
         """What the gate sees while it writes is judged like any other picture."""
+        self._witness.see(picture)
         if self._is_watching:
             self._watch.take(picture)
 
@@ -369,6 +373,20 @@ class LiveCourse:
             f"{self._pv} at {self._loop.bindings[self._pv]} holds {list(picture.words[self._pv])}, "
             f"{list(self._stands[self._pv])} was written: the PLC program or another master writes it too"
         )
+
+
+def allowed_loop(station: Station, scenario: Scenario, name: str = "") -> Loop:
+    """Return the loop of a real bench for a scenario, once everything that it will write is known to be allowed.
+
+    Raises:
+        StateError: It cannot run on a real PLC, or the profile does not let something be written.
+    """
+    refused = only_virtual(scenario)
+    if refused:
+        raise StateError(f"scenario {scenario.name}: {refused}", hint="it runs on `--target fake://PROFILE`")
+    loop = believed(loop_for(station, scenario.controller.name, name), scenario)
+    _check_allowed(station, loop, scenario)
+    return loop
 
 
 def _starting(loop: Loop, scenario: Scenario) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from ahgateway.apps.check.keep import Recordings, kept
 from ahgateway.apps.check.result import Floor
 from ahgateway.apps.check.watch import CutLink, Seen, Watch, believed, loop_for
 from ahgateway.apps.check.wires import Wire, memory
@@ -45,6 +46,7 @@ class Bench:
         scan_ns: Time of one scan of the PLC.
         wire: How the PLC is reached.
         prepare: Called with the PLC before a scenario begins, to break the bench on purpose.
+        recordings: Keeps what is seen of each scenario; None keeps nothing.
     """
 
     station: Station
@@ -54,6 +56,7 @@ class Bench:
     scan_ns: int = 10 * MILLISECOND
     wire: Wire = memory
     prepare: Callable[[FakePlc], None] | None = None
+    recordings: Recordings | None = None
 
     @property
     def target(self) -> str:
@@ -96,7 +99,9 @@ async def run(scenario: Scenario, bench: Bench, seed: int, wall: Clock) -> Seen:
     station = replace(bench.station, loops=(loop,))
     plc = _plc(scenario, bench, seed, clock)
     async with bench.wire(plc, clock) as link:
-        return await _Course(scenario, station, plc, CutLink(link, clock), clock, wall).run()
+        with kept(bench.recordings, scenario, station, clock) as witness:
+            watch = Watch(scenario, station, CutLink(link, clock), clock, sees=witness.see)
+            return await _Course(scenario, plc, watch, clock, wall).run()
 
 
 def _plc(scenario: Scenario, bench: Bench, seed: int, clock: Clock) -> FakePlc:
@@ -126,15 +131,12 @@ def pause_ns(scenario: Scenario, loop: Loop, picture: Picture, scan_ns: int) -> 
 class _Course:
     """One scenario under way."""
 
-    def __init__(
-        self, scenario: Scenario, station: Station, plc: FakePlc, link: CutLink, clock: Clock, wall: Clock
-    ) -> None:
+    def __init__(self, scenario: Scenario, plc: FakePlc, watch: Watch, clock: Clock, wall: Clock) -> None:
         self._scenario = scenario
         self._plc = plc
-        self._link = link
+        self._watch = watch
         self._clock = clock
         self._wall = wall
-        self._watch = Watch(scenario, station, link, clock)
         self._name = next(iter(plc.items))
         self._end_ns = round(scenario.duration_s * SECOND)
         for action in scenario.actions:
@@ -195,10 +197,10 @@ class _Course:
         elif action.do == "restart":
             self._plc.at(at_ns, lambda plc: plc.restart(is_retained=True))
             # No picture may straddle it.
-            self._link.cuts.append((at_ns - self._plc.scan_ns, at_ns + RESTART_NS))
+            self._watch.link.cuts.append((at_ns - self._plc.scan_ns, at_ns + RESTART_NS))
         elif action.do == "link-down":
             assert until_ns is not None, "the schema asks for the end of a cut"
-            self._link.cuts.append((at_ns, until_ns))
+            self._watch.link.cuts.append((at_ns, until_ns))
 
     def _set(self, values: Mapping[str, Any], plc: FakePlc) -> None:
         for operand, value in values.items():
@@ -226,7 +228,7 @@ async def floor_of(scenario: Scenario, bench: Bench, seed: int, wall: Clock) -> 
 
     Any difference between the two, any divergence of either, any lost reply condemns the bench.
     """
-    healthy = replace(bench, fake=bench.station, fault=None)
+    healthy = replace(bench, fake=bench.station, fault=None, recordings=None)
     first, second = [await run(scenario, healthy, seed, wall) for _ in range(2)]
     for each in (first, second):
         if each.troubles:

@@ -33,7 +33,7 @@ from ahgateway.lockstep.follow import (
     target_of,
 )
 from ahgateway.lockstep.judge import Execution
-from ahgateway.lockstep.picture import Picture, Sampler
+from ahgateway.lockstep.picture import Picture, Sampler, Sees
 from ahgateway.schema.scenario import Scenario
 from ahgateway.transports.base import Link, LinkFigures, Reply
 
@@ -146,21 +146,31 @@ class Watch:
         link: The way there.
         clock: Whose time the pictures carry.
         origin_ns: When the scenario began.
+        sees: Shown every picture.
 
     Attributes:
         seen: Everything so far.
         stops: STOPs that the scenario asked for, from and until, in s.
+        link: The way there, and when it is cut.
     """
 
-    def __init__(self, scenario: Scenario, station: Station, link: CutLink, clock: Clock, origin_ns: int = 0) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        station: Station,
+        link: CutLink,
+        clock: Clock,
+        origin_ns: int = 0,
+        sees: Sees | None = None,
+    ) -> None:
         loop = station.loops[0]
         self.seen = Seen(loop)
         self.stops: list[tuple[float, float]] = []
         self.origin_ns = origin_ns
         self._scenario = scenario
-        self._link = link
+        self.link = link
         self._clock = clock
-        self._sampler = Sampler(loop, station, link, clock)
+        self._sampler = Sampler(loop, station, link, clock, sees)
         self._follower = Follower(loop)
         self._silent = 0
         self._last_ns: int | None = None
@@ -179,7 +189,7 @@ class Watch:
         try:
             picture = await self._sampler.picture()
         except TransportError as error:
-            if self._link.is_cut():
+            if self.link.is_cut():
                 self._silent = 0
             else:
                 self._silent += 1
@@ -220,7 +230,7 @@ class Watch:
 
     def _was_cut(self, picture: Picture) -> bool:
         last_ns = self._last_ns
-        return last_ns is not None and any(begin < picture.last_ns and last_ns < end for begin, end in self._link.cuts)
+        return last_ns is not None and any(begin < picture.last_ns and last_ns < end for begin, end in self.link.cuts)
 
     def _is_stopped(self, t_s: float) -> bool:
         return any(begin <= t_s <= end + STOP_GRACE_S for begin, end in self.stops)
