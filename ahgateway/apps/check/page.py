@@ -18,7 +18,8 @@ PLOTS_MAX = 60
 """Most scenarios that get a plot; failures come first."""
 
 BODY = """
-<style>td:first-child { white-space: nowrap } code { font-size: 1rem; letter-spacing: .1em } .fail { color: #b3261e; font-weight: 700 }
+<style>td:first-child { white-space: nowrap }
+code { font-size: 1rem; letter-spacing: .1em } .fail { color: #b3261e; font-weight: 700 }
 .inconclusive, .error, .known { color: #b57700; font-weight: 700 }</style>
 <p class="muted">{{ target }} · {{ when }} · seed {{ seed }} · {{ took }} s for {{ simulated }} s simulated</p>
 <p><b>{{ claim }}</b></p>
