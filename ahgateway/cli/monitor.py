@@ -11,6 +11,7 @@ import typer
 
 from ahgateway.cli.page import PORT, Page, Web, WebHost, WebPort
 from ahgateway.cli.repro import Repro
+from ahgateway.cli.stepping import Arm, Plan, show_plan, stepped
 from ahgateway.cli.tape import Keep, Record, Recorded, RecordFrames, RollHours, RollMb
 from ahgateway.cli.trace import Trace, traced
 from ahgateway.cli.view import Output, View
@@ -55,12 +56,15 @@ def monitor(
     keep: Keep = None,
     repro: Repro = None,
     trace: Trace = None,
+    plan: Plan = False,
+    arm: Arm = None,
 ) -> None:
     """Follow every loop of a profile and compare each execution with the reference.
 
-    Only reads. In a terminal it opens a screen whose keys stand at its foot; otherwise, or with --plain, it prints
-    lines, or JSON lines with --output json. Ends at --duration, with Ctrl-C or with q. Exit code 0 when executions
-    were compared and none diverged, 1 when one diverged, 3 when nothing could be compared or less than --coverage.
+    Only reads, but with --arm on a bench: that sets the loop's trigger once for each execution. In a terminal it opens
+    a screen whose keys stand at its foot; otherwise, or with --plain, it prints lines, or JSON lines with --output
+    json. Ends at --duration, with Ctrl-C or with q. Exit code 0 when executions were compared and none diverged, 1 when
+    one diverged, 3 when nothing could be compared or less than --coverage.
 
     With --record everything seen is kept in a file, for `ahgateway replay`. The target replay://FILE follows such a
     recording instead of a PLC: as fast as it goes, or ?speed=1 times as fast as it was. On the screen and with --web it
@@ -68,6 +72,7 @@ def monitor(
 
     Example: ahgateway monitor line3.toml --target modbus+tcp://192.0.2.10:502?unit=1 --duration 60
     Example: ahgateway monitor line3.toml --web --record shift.ahrec
+    Example: ahgateway monitor line3.toml --plan
     """
     import asyncio
 
@@ -75,7 +80,10 @@ def monitor(
     from ahgateway.schema.profile import load
 
     loaded = load(profile)
-    station = resolved(loaded.station(), target)
+    station = stepped(resolved(loaded.station(), target), arm)
+    if plan:
+        with traced(trace, station) as tap:
+            raise typer.Exit(asyncio.run(show_plan(station, output, tap)))
     tape = Recorded(record, record_frames, roll_mb, roll_hours, keep, loaded.text)
     with traced(trace, station) as tap:
         page = Page(web, web_port, web_host)

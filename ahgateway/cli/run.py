@@ -43,6 +43,7 @@ async def followed(
         StateError: There is no such recording, or it lacks one of the loops.
     """
     from ahgateway.apps.monitor import Monitor
+    from ahgateway.cli.stepping import steps
     from ahgateway.cli.targets import open_target
     from ahgateway.clock import WallClock
     from ahgateway.transports.uri import parse_uri
@@ -50,8 +51,8 @@ async def followed(
     target = parse_uri(station.target)
     if target.scheme != "replay":
         wall = WallClock()
-        async with open_target(station, wall, tap) as link:
-            yield Monitor(station, link, wall), wall
+        async with open_target(station, wall, tap) as link, steps(station, link, wall) as let_through:
+            yield Monitor(station, link, wall, let_through), wall
         return
     from ahgateway.apps.player import Player
     from ahgateway.apps.replay import Replay, ReplayMonitor

@@ -193,6 +193,15 @@ class Sampler:
             first = last
         return None
 
+    async def glimpse(self) -> Picture:
+        """Look once without proof that it is one moment: for operands that no execution changes.
+
+        Raises:
+            TransportError: The link failed.
+            PlcRefusedError: The PLC refused one of the requests.
+        """
+        return self._develop(await self._read((*self.plan.bracket, *self.plan.inner)))
+
     async def _read(self, reads: Iterable[Read]) -> list[Reply]:
         return [await self._link.exchange(read) for read in reads]
 

@@ -178,6 +178,8 @@ class Ring:
         if left:
             found.append(self._lost(left, OVERRUN))
         found += read
+        if self._next is None:
+            return found
         if overtaken is not None:
             found.append(self._lost(overtaken, OVERRUN))
         self._next = newest

@@ -61,7 +61,7 @@ class Stepper:
         if not self._is_begun:
             picture = await self._sampler.picture()
             self._is_begun = picture is not None
-            return [] if picture is None else [picture]
+            return [] if picture is None else [replace(picture, enabled=None)]
         counted = await self._step()
         picture = await self._sampler.picture()
         if picture is None:

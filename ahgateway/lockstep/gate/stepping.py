@@ -40,6 +40,24 @@ def with_trigger(loop: Loop) -> Loop:
     )
 
 
+def check_can_step(loop: Loop, station: Station) -> None:
+    """Make sure that the loop's executions can be let through one by one.
+
+    Raises:
+        StateError: The station is no bench, or the loop has no trigger.
+    """
+    if loop.trigger is None:
+        raise StateError(
+            f"loop {loop.name}: nothing lets its executions through one by one",
+            hint=f"[loops.{loop.name}.trigger] in the profile, and `ahgateway plc-code trigger` for the program",
+        )
+    if not station.bench:
+        raise StateError(
+            f'loop {loop.name}: executions are triggered only on a station of kind = "bench", '
+            f"and {station.name} is a plant"
+        )
+
+
 class Stepping:
     """One loop's trigger.
 
@@ -48,16 +66,8 @@ class Stepping:
     """
 
     def __init__(self, loop: Loop, station: Station, wire: Wire, clock: Clock) -> None:
-        if loop.trigger is None:
-            raise StateError(
-                f"loop {loop.name}: nothing lets its executions through one by one",
-                hint=f"[loops.{loop.name}.trigger] in the profile, and `ahgateway plc-code trigger` for the program",
-            )
-        if not station.bench:
-            raise StateError(
-                f'loop {loop.name}: executions are triggered only on a station of kind = "bench", '
-                f"and {station.name} is a plant"
-            )
+        check_can_step(loop, station)
+        assert loop.trigger is not None
         self.coil = loop.trigger.coil
         self._loop, self._wire, self._clock = loop, wire, clock
         place = station.devices.address(self.coil, bits=True)
