@@ -1,6 +1,6 @@
 """Ten thousand executions without a fault in each way, with operators who meddle: nobody is convicted.
 
-Polling has its own soaks; here are the others, half of them with each instruction.
+Polling has its own soaks. Behind an open filter counting claims next to nothing, and must not claim more.
 """
 
 from __future__ import annotations
@@ -14,13 +14,21 @@ from ahgateway.codec.ways import Each, Way
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("way", "each", "share"),
-    [(Way.STEPPED, Each.CALL, 0.98), (Way.RECORDED, Each.CALL, 0.98), (Way.COUNTED, Each.SCAN, 0.2)],
+    ("way", "each", "law", "executions", "share"),
+    [
+        (Way.STEPPED, Each.CALL, "DPID", 5000, 0.98),
+        (Way.STEPPED, Each.CALL, "DPIDE", 5000, 0.98),
+        (Way.RECORDED, Each.CALL, "DPID", 5000, 0.98),
+        (Way.RECORDED, Each.CALL, "DPIDE", 5000, 0.98),
+        (Way.COUNTED, Each.SCAN, "DPID", 8500, 0.2),
+        (Way.COUNTED, Each.SCAN, "DPIDE", 1500, 0.02),
+    ],
 )
-@pytest.mark.parametrize("law", ["DPID", "DPIDE"])
-async def test_five_thousand_executions_without_a_fault(law: str, way: Way, each: Each, share: float) -> None:
+async def test_executions_without_a_fault_convict_nobody(
+    way: Way, each: Each, law: str, executions: int, share: float
+) -> None:
     world = ground(way, law, GAINS[law], each=each, seed=21)
-    counts = await soak(world, 5_000, seed=21)
+    counts = await soak(world, executions, seed=21)
 
     assert world.follower.first_diverged is None
     assert counts.proven >= share * counts.total

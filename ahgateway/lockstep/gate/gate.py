@@ -238,7 +238,7 @@ class Gate:
             raise
         return Plan(self.loop.name, tuple(done), planned.unchanged)
 
-    async def step(self, why: str = "") -> int:
+    async def step(self) -> int:
         """Let the instruction execute once, on a bench, and return how often the PLC counted.
 
         When it fails, everything that this arming has written is put back before the error is raised.
@@ -254,7 +254,7 @@ class Gate:
         try:
             if self._stepping is None:
                 self._stepping = Stepping(self.loop, self.station, self._wire, self._clock)
-                self._write_down_stepping(why)
+            self._streamed(TRIGGER, True, {TRIGGER: (0,)})
             return await self._stepping.once(round(float(self.loop.controller.nominal_ts(self.as_found.inputs)) * 1e9))
         except BaseException as cause:
             await self._undo(cause)
@@ -272,6 +272,13 @@ class Gate:
             PlcRefusedError: The PLC refused it.
         """
         await self.check()
+        step = self._streamed(operand, value, now)
+        await self._wire.send(step.request)
+        self._written_ns[operand] = self._clock.now_ns()
+        return step.items[0].new
+
+    def _streamed(self, operand: str, value: Any, now: Raw) -> Step:
+        """The request of something that is written all the time; the first of them stands in the journal."""
         assert self.session is not None
         step = planning.streamed(self.loop, self.station, operand, value, now)
         checks.rate(self.loop, (step,), self._written_ns, self._clock.now_ns())
@@ -279,9 +286,7 @@ class Gate:
         if not self.session.is_streamed(operand):
             self._write_down(step, "stream", "")
             self.session.stream(operand, item.old, item.new)
-        await self._wire.send(step.request)
-        self._written_ns[operand] = self._clock.now_ns()
-        return item.new
+        return step
 
     async def check(self) -> None:
         """Make sure that the gate is armed and its time is not over, and beat; put everything back when that fails.
@@ -536,12 +541,6 @@ class Gate:
         self.session.end = how
         self._papers.note("ended", how=how)
         self._papers.close()
-
-    def _write_down_stepping(self, why: str) -> None:
-        assert self._stepping is not None
-        assert self.session is not None
-        self._papers.append("stepping", operand=TRIGGER, device=str(self._stepping.coil), who=self.who, why=why)
-        self.session.intend(TRIGGER, (0,), (1,))
 
     def _unclean(self, restored: Restored, cause: BaseException | None) -> StateError:
         first = f"{cause.message if isinstance(cause, AhGatewayError) else cause}; " if cause is not None else ""

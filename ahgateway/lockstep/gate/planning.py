@@ -11,6 +11,7 @@ from ahgateway.errors import StateError
 from ahgateway.lockstep.gate import change
 from ahgateway.lockstep.gate.change import Step
 from ahgateway.lockstep.gate.outcome import Plan
+from ahgateway.lockstep.gate.stepping import TRIGGER
 from ahgateway.lockstep.picture import Picture
 
 
@@ -44,14 +45,14 @@ def steps(loop: Loop, station: Station, stage: Mapping[str, Any], picture: Pictu
 
 
 def streamed(loop: Loop, station: Station, operand: str, value: Any, now: Raw) -> Step:
-    """Return the request that writes the process value of a bench once more.
+    """Return the request that writes the process value of a bench, or its trigger, once more.
 
     Raises:
-        StateError: It is no bench or no process value, it may not be written, or a limit forbids it.
+        StateError: It is no bench or neither of the two, it may not be written, or a limit forbids it.
     """
-    if not station.bench or operand not in loop.controller.roles.pvs:
+    if not station.bench or operand not in (*loop.controller.roles.pvs, TRIGGER):
         raise StateError(
-            f"loop {loop.name}: {operand} is not streamed, only the process value of a bench is",
+            f"loop {loop.name}: {operand} is not streamed, only the process value of a bench and its trigger are",
             hint='kind = "bench" in [station] says that nothing but our simulation hangs on the PLC',
         )
     return change.single(station, change.item(loop, station, operand, value, now))

@@ -185,8 +185,6 @@ def _take_in(session: Session, kind: str, record: Mapping[str, Any]) -> None:
             session.intend(change["operand"], tuple(change["old"]), tuple(change["new"]))
         if kind == "restore":
             session.end = ""
-    elif kind == "stepping":
-        session.intend(record["operand"], (0,), (1,))
     elif kind == "stream":
         for change in record["items"]:
             session.stream(change["operand"], tuple(change["old"]), tuple(change["new"]))

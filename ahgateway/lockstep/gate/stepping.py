@@ -1,8 +1,8 @@
 """Letting the instruction execute once: the gate's class of writes for a bench whose contact EN is a coil of ours.
 
 The coil is set, the PLC lets the instruction through, counts, and clears the coil again. So nothing is read back but
-the count; the coil is one more operand of the loop, and what is left of it is put back like everything else. The
-journal notes once per arming that the coil is being set, not each time.
+the count; the coil is one more operand of the loop that is streamed, as the process value of a bench is: the first time
+stands in the journal, and what is left of it is put back like everything else.
 """
 
 from __future__ import annotations
