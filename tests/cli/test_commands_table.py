@@ -19,6 +19,7 @@ ROOFS = {
     "interrupt",
     "main",
     "repro",
+    "stepping",
     "run",
     "page",
     "tape",
