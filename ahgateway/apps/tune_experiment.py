@@ -132,8 +132,14 @@ class Experiment(Sitting):
         Raises:
             StateError: Even the largest step that is allowed leaves PV below the floor.
         """
+        low, high = self._mv_room()
         largest = self._largest(wanted, base)
-        low, high = self.envelope.mv
+        if abs(largest) < sizing.FIRST_SHARE * (high - low):
+            raise StateError(
+                f"loop {self.loop.name}: MV stands at {base:.4g} and may go from {low:g} to {high:g}: "
+                f"saturated, there is no room for a {wanted.kind.value}; everything has been put back",
+                hint="move the loop to another operating point first, or allow a larger step_max of MOUT",
+            )
         sign, largest = math.copysign(1.0, largest), abs(largest)
         step = sizing.first(high - low, largest)
         rest = float(np.mean([row[2] for row in self.rows[:REST_SAMPLES]]))
@@ -150,9 +156,15 @@ class Experiment(Sitting):
             self.told(f"PV answers {step:.3g} of MOUT by {answer:.3g}: {wanted.kind.value} of {size:.4g}")
             return sign * size
 
+    def _mv_room(self) -> tuple[float, float]:
+        """Between what MV may be moved: the envelope, and what the PLC itself lets through."""
+        assert self._last is not None
+        ends = sorted((float(self._last.inputs.mv_min), float(self._last.inputs.mv_max)))
+        return max(self.envelope.mv[0], ends[0]), min(self.envelope.mv[1], ends[1])
+
     def _largest(self, wanted: Wanted, base: float) -> float:
         """The largest step of MOUT that profile and bounds allow; negative where only downwards is room."""
-        low, high = self.envelope.mv
+        low, high = self._mv_room()
         limit = self.loop.writes.get("MOUT")
         at_once = math.inf if limit is None or limit.step_max is None else limit.step_max
         if wanted.kind is Kind.STEP:

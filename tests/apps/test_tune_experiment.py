@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import pytest
 from lockstep.gate.gate_world import WRITES, GateWorld
 
@@ -11,7 +9,6 @@ from ahgateway.apps.tune_experiment import Experiment, Kind, Wanted
 from ahgateway.apps.tune_sitting import Envelope
 from ahgateway.codec.access import Read, Table
 from ahgateway.codec.station import PlantSpec, WriteLimit
-from ahgateway.core.real import REAL
 from ahgateway.errors import StateError
 from ahgateway.lockstep.picture import Sampler
 from ahgateway.tuning.identify import identify
@@ -100,7 +97,8 @@ async def test_a_loop_that_is_not_at_rest_is_refused_and_nothing_is_written(tmp_
 
 
 def world_with(folder, plant, **changes):
-    world = GateWorld(folder, INITIAL, plant=plant, scan_ms=10, **{"writes": WRITES, **changes})
+    initial = INITIAL | changes.pop("initial_more", {})
+    world = GateWorld(folder, initial, plant=plant, scan_ms=10, **{"writes": WRITES, **changes})
     world.clock.advance_ns(120_000_000_000)
     world.plc.answer(Read(1, Table.HOLDING, 100, 1))
     world.plc.writes.clear()
@@ -141,20 +139,11 @@ async def test_a_step_grows_until_pv_answers_twenty_times_its_noise(tmp_path):
 
 
 async def test_a_resolution_counts_like_noise(tmp_path):
-    """PV in steps of 0.1: 20 of them are aimed at, which is a step of 1.33 again."""
-    world, experiment, _ = world_with(tmp_path, PlantSpec("fopdt", 1.5, 6.0, 1.0, 20.0, 0.0, 80.0))
-    sampler = experiment.sampler.picture
-
-    async def coarse():
-        picture = await sampler()
-        pv = REAL(0.1 * round(float(picture.inputs.pv) / 0.1))
-        return dataclasses.replace(picture, inputs=picture.inputs._replace(pv=pv))
-
-    experiment.sampler.picture = coarse
+    """PV in steps of 0.2 with noise of 0.06: 20 steps, an answer of 4, are a step of 2.7."""
+    _, experiment, said = world_with(tmp_path, PlantSpec("fopdt", 1.5, 6.0, 1.0, 20.0, 0.06, 80.0, resolution=0.2))
     record, _ = await experiment.run(Wanted(Kind.STEP))
-    # At rest nothing shows the resolution: PV stands on one value, and a small step is enough.
-    assert float(record.mv.max() - record.mv[-1]) <= 1.4
-    assert [False] == world.holds("PID_MAN")
+    assert "resolution 0.2:" in said[0]
+    assert 2.0 < float(record.mv.max() - record.mv[-1]) < 4.5
 
 
 async def test_noise_that_no_allowed_step_overcomes_is_refused_with_the_ratio(tmp_path):
@@ -180,3 +169,26 @@ async def test_a_biased_relay_swings_more_to_one_side(tmp_path):
     base = float(record.mv[:30].mean())
     assert (3.0, -1.0) == pytest.approx((float(record.mv.max()) - base, float(record.mv.min()) - base), abs=0.1)
     assert 0.5 < float(record.pv[:30].mean() - record.pv.min()) < 1.2
+
+
+async def test_a_stuck_valve_is_refused_with_what_its_answer_was(tmp_path):
+    """PV stands by itself and does not care for MV: even 40, the largest allowed, would not do."""
+    writes = WRITES | {"MOUT": WriteLimit(0.0, 100.0, 100.0, 0.0)}
+    world, experiment, _ = world_with(
+        tmp_path, PlantSpec("fopdt", 1e-6, 6.0, 1.0, 80.0, 0.05, 80.0), writes=writes, initial_more={"BIAS": 40.0}
+    )
+    before = world.holds("PID_MAN", "SV", "MOUT")
+    with pytest.raises(StateError, match=r"PV answers a step of .* in MV by 0\.0\d*.*at least 5 is needed") as caught:
+        await experiment.run(Wanted(Kind.STEP))
+    assert "whether the valve moves" in caught.value.hint
+    assert before[:2] == world.holds("PID_MAN", "SV")
+
+
+async def test_an_mv_at_its_limit_leaves_no_room_and_is_refused(tmp_path):
+    """SV 80 needs MV 40, and MV_MAX is 40: a doublet has nowhere to go."""
+    world, experiment, _ = world_with(
+        tmp_path, PlantSpec("fopdt", 1.5, 6.0, 1.0, 20.0, 0.0, 80.0), initial_more={"MV_MAX": 40.0}
+    )
+    with pytest.raises(StateError, match="MV stands at 40 and may go from 10 to 40: saturated, there is no room"):
+        await experiment.run(Wanted(Kind.DOUBLET))
+    assert [False] == world.holds("PID_MAN")
