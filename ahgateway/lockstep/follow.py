@@ -34,7 +34,6 @@ from ahgateway.lockstep.shadow import (
     changed_inputs,
     explain,
     input_variants,
-    is_settled,
     judged_names,
     lingered,
     merged,
@@ -192,7 +191,7 @@ class Follower:
         execution, self._shadow = counted(self.loop, self._shadow, before, after, possible, self.suspects)
         execution = self._inquiry.hear(execution, before, after)
         if execution.blame is not None and self._inquiry.hidden:
-            self._shadow = (*self._inquiry.hidden, *(bound for bound in self._shadow if not is_settled(bound)))
+            self._shadow = (*self._inquiry.hidden, *self._shadow)
         self._earliest_ns = before.sent_ns
         self._quiet_since_ns = after.last_ns
         self._count(execution, after)

@@ -1,0 +1,96 @@
+"""A judge that knows nothing but the law and patience: every state, order of writes and interval is enumerated.
+
+Written apart from the shadow, for loops small enough: D off, so that what is hidden is a handful of bits. It says of
+an execution what can be claimed; the follower may claim that and nothing else.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations, product
+from typing import Any
+
+from ahgateway.codec.station import Loop
+from ahgateway.core.real import bits, quiet
+from ahgateway.lockstep.picture import Picture
+
+SAYS = {"PROVEN", "OPEN", "BROKEN"}
+
+
+class Oracle:
+    """Every state that one loop's instruction can have, as a plain set."""
+
+    def __init__(self, loop: Loop, ticks: range | None = None) -> None:
+        self.loop = loop
+        self.states: set[Any] = set()
+        self._ticks = ticks
+
+    def begin(self, after: Picture) -> None:
+        """Know nothing but the words: every hidden bit can be either way, and E is or is not inside the band."""
+        sample = self.loop.controller.state()
+        shown = {word.attr: after.seen[word.name] for word in self.loop.controller.seen if hasattr(sample, word.attr)}
+        read = after.inputs
+        er = read.sv - shown["pv1"] if read.pid_dir else shown["pv1"] - read.sv
+        self.states = set()
+        booleans = [name for name in ("cross", "man1") if hasattr(sample, name)]
+        for values in product((False, True), repeat=len(booleans)):
+            hidden = dict(zip(booleans, values, strict=True))
+            if hidden.get("man1", False) != bool(read.pid_man):
+                continue
+            if hidden.get("cross") and not 0 < abs(float(read.err_dbw)) > abs(float(er)):
+                continue
+            extra = {"er1": er} if hasattr(sample, "er1") else {}
+            e1 = er - er if hidden.get("cross") else er
+            self.states.add(sample._replace(**shown, **hidden, **extra, e1=e1, valid=True))
+
+    def says(self, before: Picture, after: Picture) -> str:
+        """Judge an execution, and keep the states that explain it.
+
+        Returns:
+            PROVEN when with some order of writes every state predicts the very words, by the one interval that fits;
+            BROKEN when nothing predicts them; OPEN when something does and something else, just as possible, does not.
+        """
+        seen = {word.name: bits(after.seen[word.name]) for word in self.loop.controller.seen}
+        behind, is_proven = set(), False
+        for inputs in self._orders(before, after):
+            outcomes: dict[int, set[tuple[Any, bool]]] = {}
+            for ts in self._intervals(inputs):
+                for state in self.states:
+                    with quiet(all="ignore"):
+                        reached, terms = self.loop.controller.step(inputs, state, self.loop.dialect, ts)
+                    words = {word.name: bits(word.value(reached, terms)) for word in self.loop.controller.seen}
+                    outcomes.setdefault(bits(ts), set()).add((tuple(words.items()), words == seen))
+                    if words == seen:
+                        behind.add(reached)
+            fitting = [each for each in outcomes.values() if any(is_same for _, is_same in each)]
+            everything = set().union(*outcomes.values())
+            is_proven |= len(everything) == 1 and bool(fitting)
+            is_proven |= len(fitting) == 1 and len(fitting[0]) == 1
+        if not behind:
+            return "BROKEN"
+        self.states = behind
+        return "PROVEN" if is_proven else "OPEN"
+
+    def _orders(self, before: Picture, after: Picture) -> list[Any]:
+        """Each operand that changed was written before or behind the execution; PV is what it recorded."""
+        names = [
+            name
+            for name in self.loop.controller.input_names
+            if name != "pv" and bits_of(getattr(before.inputs, name)) != bits_of(getattr(after.inputs, name))
+        ]
+        pv = next(after.seen[word.name] for word in self.loop.controller.seen if word.attr == "pv1")
+        found = []
+        for size in range(len(names) + 1):
+            for early in combinations(names, size):
+                changed = {name: getattr(after.inputs, name) for name in early}
+                found.append(before.inputs._replace(**changed, pv=pv))
+        return found
+
+    def _intervals(self, inputs: Any) -> list[Any]:
+        controller = self.loop.controller
+        if self._ticks is None:
+            return [controller.ts(inputs, self.loop.dialect)]
+        return [controller.ts(inputs, self.loop.dialect, ticks) for ticks in self._ticks]
+
+
+def bits_of(value: Any) -> int:
+    return bits(value) if hasattr(value, "dtype") else int(value)
