@@ -1,30 +1,26 @@
 """How much a screen costs: 100 loops for an hour of virtual time with flat memory, and CPU time for each redraw.
 
-    python tests/bench/bench_screen.py [minutes]
+    PYTHONPATH=tests python tests/bench/bench_screen.py [minutes]
 
-The pictures are made up and judged by a real follower each; only the wire is left out, so that an hour takes minutes.
+Every loop is read from a fake PLC and followed for real, twice a CYCLE of one second; drawn once a second of virtual
+time, so that an hour takes about twenty minutes.
 """
 
 from __future__ import annotations
 
 import asyncio
+import gc
 import sys
 import time
 import tracemalloc
-from dataclasses import replace
 
-from ahgateway.apps.board import Board
-from ahgateway.apps.monitor import Monitor, Report, Sample
-from ahgateway.clock import SECOND, VirtualClock
-from ahgateway.fake.plc import FakePlc
-from ahgateway.lockstep.picture import Sampler
-from ahgateway.schema.profile import load
-from ahgateway.transports.memory import MemoryLink
-from ahgateway.tui.app import MonitorApp
+from tui.hundred_world import HundredWorld
 
-LOOPS = 100
+from ahgateway.apps.trail import CAPACITY
+from ahgateway.clock import SECOND
+
 REDRAWS = 40
-PERIOD_NS = SECOND
+REPORT_MINUTES = 5
 
 
 def say(line: str) -> None:
@@ -34,41 +30,27 @@ def say(line: str) -> None:
 
 async def main() -> None:
     minutes = int(sys.argv[1]) if len(sys.argv) > 1 else 60
-    loaded = load("demo")
-    station, clock = loaded.station(), VirtualClock()
-    plc = FakePlc(station, loaded.fake_setup(), clock=clock)
-    link = MemoryLink(plc, clock, target="memory:")
-    first = station.loops[0]
-    loops = tuple(replace(first, name=f"TIC-{number:03d}") for number in range(LOOPS))
-    monitor = Monitor(replace(station, loops=loops), link, clock)
-    monitor.is_up = True
-    board = Board(monitor, clock)
-    sampler = Sampler(first, station, link, clock)
-    app = MonitorApp(board, "bench", is_ticking=False)
-    async with app.run_test(size=(150, 60)) as pilot:
+    world = HundredWorld(capacity=CAPACITY)
+    async with world.app.run_test(size=(150, 60)) as pilot:
         for minute in range(minutes):
-            for _ in range(60 * SECOND // PERIOD_NS):
-                clock.advance_ns(PERIOD_NS)
-                picture = await sampler.picture()
-                if picture is None:
-                    continue
-                for watch in monitor.watches:
-                    watch.follower.picture = picture
-                    board.take(Report(picture.utc_ns, watch.loop.name, picture.tick, Sample(picture)))
-                app.redraw()
+            await world.run(60.0)
             await pilot.pause()
             if minute == 0:
                 tracemalloc.start()
-            if minute % 10 == 9:
-                say(f"minute {minute + 1}: {tracemalloc.get_traced_memory()[0] / 1e6:.2f} MB since the first minute")
+            if minute % REPORT_MINUTES == REPORT_MINUTES - 1:
+                gc.collect()
+                traced = tracemalloc.get_traced_memory()[0] / 1e6
+                say(f"minute {minute + 1}: {traced:.2f} MB since the first minute, {world.app.redraws} redraws")
         tracemalloc.stop()
+        counts = [watch.follower.summary() for watch in world.monitor.watches]
+        say(f"proven {sum(each.proven for each in counts)} of {sum(each.total for each in counts)} executions")
         for page in ("loops", "loop", "link", "log"):
-            app.action_page(page)
+            world.app.action_page(page)
             await pilot.pause()
             begun = time.process_time()
             for _ in range(REDRAWS):
-                clock.advance_ns(SECOND // 8)
-                app.redraw()
+                world.clock.advance_ns(SECOND // 8)
+                world.app.redraw()
                 await pilot.pause()
             say(f"{page}: {(time.process_time() - begun) / REDRAWS * 1000:.1f} ms CPU for each redraw")
 
