@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from ahgateway.clock import SECOND
+from ahgateway.codec.block import Raw
 from ahgateway.codec.station import Loop
 from ahgateway.errors import StateError
 from ahgateway.lockstep.gate import change
@@ -57,6 +58,22 @@ def ours(loop: Loop, session: Session, picture: Picture) -> None:
     names = list(dict.fromkeys([*roles.modes, *session.written]))
     if change.follows_mv(roles, now):
         names = [name for name in names if name != roles.mout]
+    _refuse(loop, session, now, names)
+
+
+def as_found(loop: Loop, session: Session, step: Step, picture: Picture) -> None:
+    """Make sure that what is written for the first time stands as found; a manual value that follows MV need not.
+
+    Raises:
+        StateError: Somebody else has written.
+    """
+    roles, now = loop.controller.roles, picture.words
+    follows = {roles.mout} if roles.follows and now[roles.follows][0] else set()
+    names = [item.operand for item in step.items if item.operand not in session.written]
+    _refuse(loop, session, now, [name for name in names if name not in follows])
+
+
+def _refuse(loop: Loop, session: Session, now: Raw, names: Sequence[str]) -> None:
     taken = [name for name in names if name in now and not session.is_ours(name, now)]
     if taken:
         texts = [

@@ -230,7 +230,9 @@ class Gate:
                     continue
                 picture = await self._wire.picture()
                 self.look(picture)
+                assert self.session is not None
                 for step in planning.steps(self.loop, self.station, stage, picture):
+                    checks.as_found(self.loop, self.session, step, picture)
                     await self._carry_out(step, "write", why)
                     done.append(step)
         except BaseException as cause:
@@ -433,6 +435,8 @@ class Gate:
             if change.follows_mv(roles, picture.words) or (done and abs(mv - mout) <= limit.step_max):
                 return done
             for step in planning.steps(self.loop, self.station, {roles.mout: picture.seen[roles.mv]}, picture):
+                assert self.session is not None
+                checks.as_found(self.loop, self.session, step, picture)
                 await self._carry_out(step, "write", why)
                 done.append(step)
             if not done:
