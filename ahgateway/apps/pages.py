@@ -19,7 +19,7 @@ th { border-bottom: 2px solid #1b1f24 } tr.chosen td { font-weight: 600; backgro
 .finding { border-left: .3rem solid #9aa3ad; padding: .3rem .8rem; margin: .6rem 0; background: #f6f7f8 }
 .refused { border-color: #b3261e } .warning { border-color: #b57700 }
 .muted { color: #59626c } svg { width: 100%; height: auto } figure { margin: .5rem 0; break-inside: avoid }
-figcaption { font-size: .86rem; color: #59626c }
+figcaption { font-size: .86rem; color: #59626c } pre { white-space: pre-wrap }
 @media print { body { margin: 0; max-width: none; font-size: 11px }
   h2 { break-after: avoid } tr { break-inside: avoid } }
 </style></head><body>

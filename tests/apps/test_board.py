@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
+from concurrent.futures import Executor, Future
+
 import numpy as np
 import pytest
 from tui.screen_world import ScreenWorld
@@ -111,3 +114,34 @@ async def test_health_is_worked_out_one_loop_at_a_time_and_not_before_five_secon
     world.clock.advance_ns(5 * SECOND)
     before = board.known_health("TIC-101")
     assert before is board.health("TIC-101")
+
+
+class Inline(Executor):
+    """Does it at once."""
+
+    def submit(self, work, /, *given):
+        done = Future()
+        done.set_result(work(*given))
+        return done
+
+
+async def test_a_process_that_changes_while_the_controller_does_not_is_said_live():
+    """Nobody hands a model in: it is learned from steps of SV, and then the process loses half of its gain."""
+    world = ScreenWorld("single", warm_up_s=400)
+    world.board._pool = Inline()
+
+    async def step(sv):
+        world.plc.write("TIC-101", "SV", sv)
+        await world.run(45.0)
+        world.board.health("TIC-101")
+        return world.board.statement("TIC-101")
+
+    said = [await step(80.0 + 5.0 * (count % 2 == 0)) for count in range(8)]
+    known = world.board._learners["TIC-101"].known
+    assert known is not None
+    assert all(each is None or each.name != "valve-or-process" for each in said)
+    rig = world.plc.processes["TIC-101"].rig
+    rig._plant = dataclasses.replace(rig._plant, gain=0.5 * rig._plant.gain)
+    said = [await step(80.0 + 5.0 * (count % 2 == 0)) for count in range(3)]
+    assert ("valve-or-process", True) == (said[-1].name, "do not retune" in said[-1].text)
+    assert 0 == world.monitor.watches[0].follower.summary().diverged
