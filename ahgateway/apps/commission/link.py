@@ -134,10 +134,13 @@ async def _measured(
     checks = [_adapter(station)]
     link = await opener(station)
     try:
-        longest = await _longest(station, loop, Patient(link, clock))
-        checks.append(_short(station, found, longest))
-        if longest and longest < station.pacing.words_per_request_max:
-            station = replace(station, pacing=replace(station.pacing, words_per_request_max=longest))
+        if station.is_snapshot:
+            longest = await _longest(station, loop, Patient(link, clock))
+            checks.append(_short(station, found, longest))
+            if longest and longest < station.pacing.words_per_request_max:
+                station = replace(station, pacing=replace(station.pacing, words_per_request_max=longest))
+        else:
+            checks.append(skipped("short-requests", "SDO reads each object by itself"))
         checks.append(await _in_flight(station, found, loop, opener))
         checks += await _paced(station, loop, link, clock, sees)
         checks.append(await _idle(station, found, loop, link, clock, patience.idle_ns))
