@@ -67,7 +67,7 @@ def _chart(pv_unit: str, mv_unit: str, lanes: tuple[tuple[str, str, bool], ...])
 def _empty(name: str, height: int, times: Range1d, hair: Span, **more: Any) -> Any:
     made = figure(
         name=name, height=height, sizing_mode="stretch_width", x_axis_type="datetime", x_range=times,
-        tools="xpan,xwheel_zoom,xbox_zoom", active_drag="xpan", active_scroll="xwheel_zoom", toolbar_location=None,
+        tools="xpan,xwheel_zoom", active_drag="xpan", active_scroll="xwheel_zoom", toolbar_location=None,
         min_border_left=LEFT, min_border_right=16, min_border_top=6, min_border_bottom=4, output_backend="canvas",
         **more,
     )  # fmt: skip

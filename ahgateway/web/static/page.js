@@ -57,7 +57,7 @@ function head() {
   alarm.textContent = said.join(" · ") || "none diverged";
   const clock = new Date(state.t * 1000).toISOString().slice(0, 19).replace("T", " ");
   const player = state.player ? ` · ${state.player}` : "";
-  by("facts").textContent = `${state.loops.length} loops · ${state.target} · ${clock}Z${player}`;
+  by("facts").textContent = `${state.loops.length} loop${state.loops.length === 1 ? "" : "s"} · ${state.target} · ${clock}Z${player}`;
 }
 
 function loops() {
