@@ -18,9 +18,13 @@ from ahgateway.errors import CodecError, PlcRefusedError, TransportError
 from ahgateway.lockstep.events import Finding, Lost
 from ahgateway.lockstep.follow import Event, Follower, cycle_ns
 from ahgateway.lockstep.picture import POLL_MIN_NS, Picture
+from ahgateway.lockstep.ring import OVERRUN, Ring
 from ahgateway.lockstep.source import source
 from ahgateway.lockstep.stepper import Step
 from ahgateway.transports.base import Link
+
+CLEAN_DRAINS = 20
+"""After so many drains without loss a ring no longer runs over."""
 
 SMOOTHING = 4
 """One look counts for so much less than all before it."""
@@ -77,6 +81,8 @@ class Watch:
         self.refused = ""
         self.torn_in_a_row = 0
         self.looked_ns = 0
+        self.is_overrun = False
+        self.clean_drains = 0
         self._last_ns: int | None = None
 
     def saw(self, picture: Picture) -> None:
@@ -176,10 +182,26 @@ class Monitor:
         if watch.refused:
             watch.refused = ""
         reports += self._torn(watch, not found and watch.loop.way is not Way.RECORDED)
+        reports += self._overrun(watch, found)
         for each in found:
             reports += self._seen(watch, each)
         watch.due_ns = max(started_ns + watch.poll_ns(self.station), self._clock.now_ns())
         return reports
+
+    def _overrun(self, watch: Watch, found: list[Picture | Lost]) -> list[Report]:
+        """Say it when a ring is overwritten faster than it is emptied, and when that is over."""
+        if not isinstance(watch.sampler, Ring) or not found:
+            return []
+        is_lost = any(isinstance(each, Lost) and each.why == OVERRUN for each in found)
+        watch.clean_drains = 0 if is_lost else watch.clean_drains + 1
+        is_now = is_lost or (watch.is_overrun and watch.clean_drains < CLEAN_DRAINS)
+        if is_now == watch.is_overrun:
+            return []
+        watch.is_overrun = is_now
+        text = f"the ring makes {watch.sampler.words_per_s:.0f} words/s, more than this line empties"
+        hint = "`--plan` says what the line carries: record calls or changes, leave operands out, or take a faster line"
+        finding = Finding("ring-overrun", text, hint, is_over=not is_now)
+        return [Report(self._clock.utc_ns(), watch.loop.name, 0, finding)]
 
     def _seen(self, watch: Watch, found: Picture | Lost) -> list[Report]:
         """Show the follower what was seen, and report what it makes of it."""

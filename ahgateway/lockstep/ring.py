@@ -126,6 +126,11 @@ class Ring:
             return self.loop.interval_ms * MILLISECOND
         return self._time.record_ns or self.loop.scan_ms_max * MILLISECOND
 
+    @property
+    def words_per_s(self) -> float:
+        """Words that the ring takes in a second, as far as that is known: what the line must carry."""
+        return self._layout.length * SECOND / self.record_ns
+
     async def picture(self) -> Picture | None:
         """Drain, and return the newest picture; None when there is none."""
         found = [each for each in await self.pictures() if isinstance(each, Picture)]

@@ -8,10 +8,12 @@ from lockstep.bench_world import World
 from lockstep.soak import GAINS
 from lockstep.ways_world import ground
 
+from ahgateway.apps.monitor import Monitor
 from ahgateway.apps.ways import LoopPlan, WayPlan, as_json, is_enough, lines, planned
-from ahgateway.clock import MILLISECOND
+from ahgateway.clock import MILLISECOND, SECOND
 from ahgateway.codec.station import Pacing
 from ahgateway.codec.ways import Way
+from ahgateway.lockstep.events import Finding
 
 
 async def plan_of(world: World) -> LoopPlan:
@@ -87,3 +89,19 @@ async def test_a_bench_with_a_trigger_can_be_stepped_and_the_plan_reads_as_text_
     text = "\n".join(lines([plan]))
     assert "L1: CYCLE 100 ms, followed now as `stepped`" in text
     assert "--arm L1" in text
+
+
+async def test_a_ring_that_runs_over_is_said_once_with_the_words_that_the_line_must_carry() -> None:
+    world = ground(Way.RECORDED, "DPIDE", GAINS["DPIDE"], latency_ns=30 * MILLISECOND)
+    monitor = Monitor(world.station, world.link, world.clock)
+    said = [
+        report.event
+        async for report in monitor.reports(duration_ns=5 * SECOND)
+        if isinstance(report.event, Finding) and report.event.name == "ring-overrun"
+    ]
+
+    assert [False] == [each.is_over for each in said]
+    # 37 words at each scan of 5 ms.
+    assert "the ring makes 7400 words/s" in said[0].text
+    assert monitor.summaries()["L1"].link > 0
+    assert monitor.summaries()["L1"].diverged == 0
