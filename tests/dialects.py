@@ -11,12 +11,18 @@ from ahgateway.core.dialect import AXES, Dialect
 from ahgateway.core.real import REAL
 
 
+NOT_DRAWN = {("ts_unit", 3), ("pv_word", 6), ("pv_word", 7), ("pv_word", 8), ("pv_word", 9)}
+
+
 def random_dialect(seed: int, *, share: float = 1.0, without: tuple[str, ...] = ()) -> Dialect:
-    """Every axis drawn with probability `share`, the rest as by default."""
-    chance = random.Random(f"dialect {seed}")
+    """Every axis drawn with probability `share`, each from its own source, the rest as by default.
+
+    A place of PV that the block of a DPID does not have is not drawn, nor 10 ms as a unit, which are a DPID's counts.
+    """
     chosen: dict[str, Any] = {}
     for name, axis in AXES.items():
-        value = chance.choice(list(axis))
+        chance = random.Random(f"dialect {seed} {name}")
+        value = chance.choice([each for each in axis if (name, int(each)) not in NOT_DRAWN])
         if chance.random() < share and name not in without:
             chosen[name] = value
     return Dialect(**chosen)

@@ -139,6 +139,9 @@ class Loop:
     def __post_init__(self) -> None:
         if self.dialect is None:
             object.__setattr__(self, "dialect", self.controller.dialect)
+        placed = self.controller.with_pv_word(self.dialect)
+        if placed is not self.controller:
+            object.__setattr__(self, "controller", placed)
 
     @property
     def is_called(self) -> bool:

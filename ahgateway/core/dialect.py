@@ -110,6 +110,8 @@ class TsUnit(IntEnum):
     SECONDS = 0
     COUNTS = 1
     LEFT_OUT = 2
+    TEN_MS = 3
+    HUNDRED_MS = 4
 
 
 class TsScale(IntEnum):
@@ -196,6 +198,7 @@ class FilterContent(IntEnum):
 
     TERM = 0
     SLOPE = 1
+    INPUT = 2
 
 
 class TfUnit(IntEnum):
@@ -428,6 +431,81 @@ class Schedule(IntEnum):
     DRIFTING = 1
 
 
+class BadInput(IntEnum):
+    """What an SV, PV, MOUT or BIAS that is no number does (ah500 A23)."""
+
+    HELD = 0
+    AS_ZERO = 1
+    PROPAGATED = 2
+
+
+class FormChange(IntEnum):
+    """What D sees when PID_DIR, PID_EQ or PID_DE has changed since the last execution (ah500 A24)."""
+
+    KEPT = 0
+    RESET = 1
+    TURNED = 2
+    ONE_CELL = 3
+
+
+class FormIntegral(IntEnum):
+    """What a change of PID_EQ does to I_MV (ah500 A24)."""
+
+    KEPT = 0
+    RESCALED = 1
+    ZEROED = 2
+
+
+class CrossJump(IntEnum):
+    """Whether a jump from outside on one side to inside on the other passes SV (spec B.4)."""
+
+    COUNTS = 0
+    IGNORED = 1
+
+
+class CrossSv(IntEnum):
+    """What a change of SV does to the cross status (spec B.5/3, ah500 A11)."""
+
+    KEPT = 0
+    CLEARED = 1
+
+
+class CrossScan(IntEnum):
+    """When the cross status is evaluated (ah500 A11)."""
+
+    EACH_CYCLE = 0
+    EACH_SCAN = 1
+
+
+class PvWord(IntEnum):
+    """Which double word of I_MV holds the PV of the last execution (ah500 A27)."""
+
+    MANUAL = 0
+    DWORD_1 = 1
+    DWORD_2 = 2
+    DWORD_3 = 3
+    DWORD_4 = 4
+    DWORD_5 = 5
+    DWORD_6 = 6
+    DWORD_7 = 7
+    DWORD_8 = 8
+    DWORD_9 = 9
+
+
+class CycleChange(IntEnum):
+    """When a CYCLE written in the middle of an interval counts (ah500 A19)."""
+
+    AT_ONCE = 0
+    NEXT = 1
+
+
+class MoutScan(IntEnum):
+    """When MOUT_AUTO copies MV into MOUT (ah500 A17)."""
+
+    EACH_EXECUTION = 0
+    EACH_SCAN = 1
+
+
 class Dialect(NamedTuple):
     """One way to discretise the manual's formulas; `dialect_axes` says what each axis and value means."""
 
@@ -486,65 +564,18 @@ class Dialect(NamedTuple):
     preset_integrates: PresetIntegrates = PresetIntegrates.NO
     preset_limit: PresetLimit = PresetLimit.FREE
     schedule: Schedule = Schedule.GRID
+    bad_input: BadInput = BadInput.HELD
+    form_change: FormChange = FormChange.KEPT
+    form_integral: FormIntegral = FormIntegral.KEPT
+    cross_jump: CrossJump = CrossJump.COUNTS
+    cross_sv: CrossSv = CrossSv.KEPT
+    cross_scan: CrossScan = CrossScan.EACH_CYCLE
+    pv_word: PvWord = PvWord.MANUAL
+    cycle_change: CycleChange = CycleChange.AT_ONCE
+    mout_scan: MoutScan = MoutScan.EACH_EXECUTION
 
 
 DEFAULT = Dialect()
 
-AXES: dict[str, type[IntEnum]] = {
-    "freeze": Freeze,
-    "run_off": RunOff,
-    "first_call": FirstCall,
-    "direction": Direction,
-    "band": Band,
-    "band_edge": BandEdge,
-    "cross_band": CrossBand,
-    "cross_edge": CrossEdge,
-    "cross_touch": CrossTouch,
-    "cross_manual": CrossManual,
-    "cross_d": CrossD,
-    "ts_source": TsSource,
-    "ts_unit": TsUnit,
-    "ts_scale": TsScale,
-    "integrator": Integrator,
-    "integral_store": IntegralStore,
-    "integral_used": IntegralUsed,
-    "product": Product,
-    "ratio": Ratio,
-    "dependent_sum": DependentSum,
-    "derivative_of": DerivativeOf,
-    "derivative_product": DerivativeProduct,
-    "filter": Filter,
-    "filter_content": FilterContent,
-    "tf_unit": TfUnit,
-    "first_history": FirstHistory,
-    "sum_order": SumOrder,
-    "bias_joins": BiasJoins,
-    "freeze_test": FreezeTest,
-    "limit_edge": LimitEdge,
-    "limited_output": LimitedOutput,
-    "limits": Limits,
-    "clamped": Clamped,
-    "ki_off": KiOff,
-    "kc_off": KcOff,
-    "run_off_history": RunOffHistory,
-    "run_off_filter": RunOffFilter,
-    "run_off_mout": RunOffMout,
-    "run_off_scan": RunOffScan,
-    "run_on": RunOn,
-    "en_off_time": EnOffTime,
-    "en_on_history": EnOnHistory,
-    "stop_history": StopHistory,
-    "manual_integral": ManualIntegral,
-    "manual_history": ManualHistory,
-    "manual_filter": ManualFilter,
-    "manual_refresh": ManualRefresh,
-    "mout_auto": MoutAuto,
-    "transfer": Transfer,
-    "transfer_2": Transfer2,
-    "preset_order": PresetOrder,
-    "preset_d": PresetD,
-    "preset_integrates": PresetIntegrates,
-    "preset_limit": PresetLimit,
-    "schedule": Schedule,
-}
+AXES: dict[str, type[IntEnum]] = {name: type(value) for name, value in DEFAULT._asdict().items()}
 """Axis name in a profile to its enum; a value is written in lower case, `freeze = "outward"`."""

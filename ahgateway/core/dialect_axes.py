@@ -1,9 +1,7 @@
 """What each axis of a dialect means, for people: its values, its instructions, and what brings it to light.
 
 This file decides no arithmetic. Pages, `explain`, `identify` and messages are made from its table.
-
-Source:
-    MANUAL is silent on all of them; the candidates stand in spec ah500 §2, controllers §1.1, A.8 and B.5.
+The MANUAL is silent on all of them; the candidates stand in spec ah500 §2, controllers §1.1, A.8 and B.5.
 """
 
 from __future__ import annotations
@@ -22,7 +20,7 @@ class Axis:
         question: What is open, one phrase.
         values: Meaning of each value in the order of its enum, the default first.
         instructions: Where it matters: `both`, `DPID` or `DPIDE`.
-        group: Part of the law: error, ts, integral, derivative, sum, limit, manual, transfer, run or schedule.
+        group: Part of the law: error, ts, integral, derivative, sum, limit, manual, transfer, run, schedule or words.
         excitation: What an operator can do to tell its values apart.
     """
 
@@ -149,7 +147,7 @@ TABLE: tuple[Axis, ...] = (
     Axis(
         "ts_unit",
         "In what unit the interval stands in the formulas (ah500 A1)",
-        ("s", "the count itself", "it is left out, as if it were 1"),
+        ("s", "the count itself", "it is left out, as if it were 1", "10 ms", "100 ms"),
         "both",
         "ts",
         "any execution with Ki or Kd above 0",
@@ -244,7 +242,11 @@ TABLE: tuple[Axis, ...] = (
     Axis(
         "filter_content",
         "What the filter remembers (ah500 A8)",
-        ("the D term, gain included", "the slope; the gain comes behind it"),
+        (
+            "the D term, gain included",
+            "the slope; the gain comes behind it",
+            "what is differentiated: E or PV, smoothed",
+        ),
         "DPIDE",
         "derivative",
         "change Td_Kd while D is not 0",
@@ -500,6 +502,86 @@ TABLE: tuple[Axis, ...] = (
         "both",
         "schedule",
         "a CYCLE that is no multiple of the scan time, for many executions",
+    ),
+    Axis(
+        "bad_input",
+        "What an SV, PV, MOUT or BIAS that is no number does (ah500 A23)",
+        ("the execution changes nothing", "it counts as 0", "it is computed with, and what comes of it stays"),
+        "both",
+        "error",
+        "write 0x7FC00000 to SV for one CYCLE, on a bench",
+    ),
+    Axis(
+        "form_change",
+        "What D sees when PID_DIR, PID_EQ or PID_DE has changed since the last execution (ah500 A24)",
+        (
+            "the change of E or PV as they were recorded",
+            "no change",
+            "the change, the last E turned to the new PID_DIR",
+            "the change against the one word that was differentiated last, E or PV",
+        ),
+        "both",
+        "derivative",
+        "switch PID_DIR, then PID_DE, in automatic with the D gain above 0 and SV and PV apart",
+    ),
+    Axis(
+        "form_integral",
+        "What a change of PID_EQ does to I_MV (ah500 A24)",
+        ("nothing", "it is scaled so that the term stays", "it is set to 0"),
+        "DPIDE",
+        "integral",
+        "switch PID_EQ in automatic while I_MV is not 0",
+    ),
+    Axis(
+        "cross_jump",
+        "Whether a jump from outside on one side to inside on the other passes SV (spec B.4)",
+        ("yes", "no, PV must have been inside before"),
+        "DPIDE",
+        "error",
+        "let PV jump over SV from outside the band into it, by a step of SV",
+    ),
+    Axis(
+        "cross_sv",
+        "What a change of SV does to the cross status (spec B.5/3, ah500 A11)",
+        ("nothing", "clears it"),
+        "DPIDE",
+        "error",
+        "change SV by a little while PV has passed SV inside the band",
+    ),
+    Axis(
+        "cross_scan",
+        "When the cross status is evaluated (ah500 A11)",
+        ("at each execution", "at each scan"),
+        "DPIDE",
+        "schedule",
+        "let PV pass SV and back between two executions, with a CYCLE of seconds",
+    ),
+    Axis(
+        "pv_word",
+        "Which double word of I_MV holds the PV of the last execution (ah500 A27)",
+        (
+            "DPID: the second, DPIDE: the seventh",
+            *(f"{number} double {'word' if number == 1 else 'words'} behind the first" for number in range(1, 10)),
+        ),
+        "both",
+        "words",
+        "any few executions with a moving PV",
+    ),
+    Axis(
+        "cycle_change",
+        "When a CYCLE written in the middle of an interval counts (ah500 A19)",
+        ("at once", "from the next interval on"),
+        "both",
+        "schedule",
+        "write a much shorter CYCLE in the middle of an interval of seconds",
+    ),
+    Axis(
+        "mout_scan",
+        "When MOUT_AUTO copies MV into MOUT (ah500 A17)",
+        ("at each execution", "at each scan"),
+        "both",
+        "schedule",
+        "write MOUT in automatic with MOUT_AUTO on and a CYCLE of seconds",
     ),
 )
 """Every axis, in the order of `Dialect`."""

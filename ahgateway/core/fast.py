@@ -25,7 +25,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ahgateway.core.controllers import Controller
-from ahgateway.core.dialect import Filter
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL, quiet
 
@@ -58,8 +57,6 @@ def why_interpreted(controller: Controller, dialect: Any) -> str:
         return "numba is not installed, the law is interpreted; `pip install ahgateway[fast]` makes it far quicker"
     if controller.name not in COMPILED:
         return f"{controller.name} is interpreted: its law is not written for the compiler"
-    if getattr(dialect, "filter", None) == Filter.EXACT:
-        return "filter = exact is interpreted: its exponential is not one IEEE operation"
     return ""
 
 

@@ -14,17 +14,21 @@ from collections import deque
 from typing import Any, NamedTuple
 
 from ahgateway.codec.station import Loop
+from ahgateway.core.controllers import dpide
 from ahgateway.core.controllers.delta import limit
 from ahgateway.core.controllers.delta_terms import ticks_per_second
 from ahgateway.core.dialect import (
     DEFAULT,
     Clamped,
+    CrossScan,
+    CycleChange,
     Dialect,
     EnOffTime,
     EnOnHistory,
     FirstCall,
     Limits,
     ManualRefresh,
+    MoutScan,
     RunOffScan,
     RunOn,
     Schedule,
@@ -100,7 +104,8 @@ class PidItem:
         self._is_first = True
         self._gathered_ns = 0
         self._last_ns: int | None = None
-        self._ts_ns = 0
+        self._ts_ns = self._next_ts_ns = 0
+        self._scan_er: REAL | None = None
         self._generation = -1
         self._pv_before: REAL | None = None
         self._was_enabled = True
@@ -134,14 +139,30 @@ class PidItem:
         if self._is_restless:
             self.wiring.junk(self._rng)
         if not self._is_due(elapsed_ns) and not self._stops_now():
-            if dialect.manual_refresh == ManualRefresh.EACH_SCAN:
-                self._refresh_manual()
+            self._between()
             return False
         if self.skip > 0:
             self.skip -= 1
             return False
         self._execute(now_ns, pv_before)
         return True
+
+    def _between(self) -> None:
+        """What some dialects do at a scan at which no execution is due."""
+        dialect = self._dialect
+        if dialect.manual_refresh == ManualRefresh.EACH_SCAN:
+            self._refresh_manual()
+        if dialect.cross_scan == CrossScan.EACH_SCAN and hasattr(self._state, "cross"):
+            inputs = self.wiring.inputs()
+            er = dpide.raw_error(inputs, inputs.pv, dialect)
+            last = er if self._scan_er is None else self._scan_er
+            if inputs.pid_run and er == er:
+                self._state = self._state._replace(cross=dpide.crossed(inputs, er, last, self._state.cross, dialect))
+                self._scan_er = er
+        if dialect.mout_scan == MoutScan.EACH_SCAN and self.executed:
+            inputs = self.wiring.inputs()
+            if inputs.mout_auto and inputs.pid_run and not inputs.pid_man and inputs.mout != self._state.mv:
+                self.wiring.put("MOUT", float(self._state.mv))
 
     def stopped(self) -> None:
         """The PLC went to STOP and back to RUN."""
@@ -158,7 +179,9 @@ class PidItem:
         if self._generation != self._memory.generation:
             self._generation = self._memory.generation
             inputs = self.wiring.inputs()
-            self._ts_ns = round(float(self.loop.controller.nominal_ts(inputs)) * 1e9 / TIME_GRID_NS) * TIME_GRID_NS
+            self._next_ts_ns = round(float(self.loop.controller.nominal_ts(inputs)) * 1e9 / TIME_GRID_NS) * TIME_GRID_NS
+            if self._is_first or dialect.cycle_change != CycleChange.NEXT:
+                self._ts_ns = self._next_ts_ns
             self._note_run(inputs)
         if self.loop.interval_ms is not None:
             return True
@@ -172,6 +195,7 @@ class PidItem:
         if self._gathered_ns < self._ts_ns:
             return False
         self._gathered_ns -= self._ts_ns
+        self._ts_ns = self._next_ts_ns
         if self._gathered_ns >= self._ts_ns or dialect.schedule == Schedule.DRIFTING:
             self._gathered_ns = 0
         return True
@@ -227,6 +251,7 @@ class PidItem:
         self.wiring.leave(state, terms)
         self._write_back(inputs)
         self._state = state
+        self._scan_er = getattr(state, "er1", None)
         since_ns = 0 if self._last_ns is None else now_ns - self._last_ns
         self._last_ns = now_ns
         self.executed += 1

@@ -16,8 +16,9 @@ import numpy as np
 from ahgateway.codec.station import Loop
 from ahgateway.core.controllers import delta_terms as terms_of
 from ahgateway.core.controllers.delta import gain
-from ahgateway.core.dialect import Filter
+from ahgateway.core.dialect import Filter, FilterContent
 from ahgateway.core.real import REAL, quiet
+from ahgateway.lockstep.interval import intervals
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import Bound, Shadow, merged, recalled
 from ahgateway.lockstep.thinning import first_plain, is_plain
@@ -106,13 +107,56 @@ def _content(loop: Loop, before: Picture, after: Picture) -> tuple[REAL, REAL]:
     left = [mv - p - integral - bias for integral in integrals]
     size = abs(p) + max(map(abs, integrals)) + abs(bias) + abs(mv) + max(map(abs, left))
     slack = ROUNDING * size
-    factor = 1.0
-    is_factored = read.pid_eq and dialect.dependent_sum
-    if is_factored:
-        factor = float(kc)
-    if tf > 0 and dialect.filter != Filter.IGNORED and dialect.filter_content:
-        factor *= float(td_kd) * (float(kc) if read.pid_eq and not is_factored else 1.0)
-    return _outward((min(left) - slack) / factor, -math.inf), _outward((max(left) + slack) / factor, math.inf)
+    is_factored = bool(read.pid_eq and dialect.dependent_sum)
+    low, high = min(left) - slack, max(left) + slack
+    if tf > 0 and dialect.filter != Filter.IGNORED and dialect.filter_content == FilterContent.SLOPE:
+        factor = float(td_kd) * (float(kc) if read.pid_eq else 1.0)
+    elif dialect.filter_content == FilterContent.INPUT:
+        return _input_content(loop, before, after, low, high)
+    else:
+        factor = float(kc) if is_factored else 1.0
+    return _outward(low / factor, -math.inf), _outward(high / factor, math.inf)
+
+
+def _input_content(loop: Loop, before: Picture, after: Picture, low: float, high: float) -> tuple[REAL, REAL]:
+    """Least and largest content of a filter that stands before the difference, from what D can be.
+
+    D is Kd * (what the content moved) / Ts, and each filter moves towards x by a known share of the distance.
+    """
+    read, dialect = after.inputs, loop.dialect
+    recorded = next(word.name for word in loop.controller.seen if word.attr == "pv1")
+    sign = 1.0 if read.pid_dir != bool(dialect.direction) else -1.0
+    xs = []
+    for picture in (after, before):
+        pv, sv = float(picture.seen[recorded]), float(picture.inputs.sv)
+        xs.append(-sign * pv if read.pid_de else sign * (sv - pv))
+    x, x1 = xs
+    tf = float(gain(read.tf))
+    if read.pid_eq and tf > 0 and dialect.tf_unit:
+        tf *= float(read.td_kd)
+    kd = float(gain(read.td_kd)) * (float(gain(read.kc_kp)) if read.pid_eq else 1.0)
+    if not tf > 0 or dialect.filter == Filter.IGNORED:
+        return REAL(x), REAL(x)
+    spans = [float(ts) for ts in intervals(loop, read)]
+    ends: list[float] = []
+    for ts in (min(spans), max(spans)):
+        # The difference of two numbers near x loses what they are rounded by.
+        lost = 4 * 2.0**-23 * (abs(x) + abs(x1)) * kd / ts
+        ends += [_behind(dialect, x, x1, d * ts / kd, tf, ts) for d in (low - lost, high + lost)]
+    size = 8 * 2.0**-23 * (abs(x) + abs(x1) + max(map(abs, ends)))
+    return _outward(min(ends) - size, -math.inf), _outward(max(ends) + size, math.inf)
+
+
+def _behind(dialect: Any, x: float, x1: float, moved: float, tf: float, ts: float) -> float:
+    """The content behind an execution in which it moved by so much."""
+    if dialect.filter == Filter.FORWARD:
+        return x - moved * (tf - ts) / ts
+    if dialect.filter == Filter.TUSTIN:
+        return (x + x1 - moved * (2 * tf + ts) / ts) / 2 + moved
+    if dialect.filter == Filter.EXACT:
+        kept = math.exp(-ts / tf)
+        return x - moved * kept / (1.0 - kept)
+    return x - moved * tf / ts
 
 
 def _integrals(loop: Loop, read: Any, ti_ki: REAL, kc: REAL, i: REAL) -> tuple[float, float]:

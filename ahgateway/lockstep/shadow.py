@@ -22,8 +22,9 @@ import numpy as np
 
 from ahgateway.codec.station import Const, Loop
 from ahgateway.core import flags as flag
+from ahgateway.core.controllers.delta_terms import is_rough
 from ahgateway.core.controllers.dpide import D_BOUND
-from ahgateway.core.dialect import Clamped, CrossBand, Filter, Freeze, Limits, ManualFilter
+from ahgateway.core.dialect import Clamped, CrossBand, CrossScan, Freeze, Limits, ManualFilter
 from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits
 from ahgateway.lockstep.interval import intervals
 from ahgateway.lockstep.picture import Picture, predicted
@@ -204,7 +205,7 @@ def stepped(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> tuple[Bound, Any
 
 def is_loose(loop: Loop) -> bool:
     """Tell whether the dialect's filter rounds so that the law is monotone in its content but for rounding."""
-    return getattr(loop.dialect, "filter", None) in (Filter.FORWARD, Filter.ALPHA)
+    return loop.controller.law_ts is not None and is_rough(loop.dialect)
 
 
 def _enclosing(loop: Loop, inputs: Any, bound: Bound, ts: REAL, low: Any, high: Any) -> tuple[Any, Any]:
@@ -295,7 +296,7 @@ def explain(
     for inputs in variants:
         by_interval: dict[int, set[tuple[int, ...]]] = {}
         fitting: list[Fit] = []
-        for bound in shadow:
+        for bound in _passed_unseen(loop, inputs, shadow):
             for ts in intervals(loop, inputs, bound.low, seen.get("I_MV")):
                 after, low_terms, high_terms = stepped(loop, inputs, bound, ts)
                 low = predicted(loop.controller, after.low, low_terms)
@@ -341,6 +342,19 @@ def advanced(loop: Loop, shadow: Shadow, inputs: Any) -> Shadow:
         if len(found) > ADVANCED_MAX:
             return ()
     return merged(found)
+
+
+def _passed_unseen(loop: Loop, inputs: Any, shadow: Shadow) -> Shadow:
+    """Open the cross status where the dialect evaluates it at each scan: PV may have passed SV and come back."""
+    if not shadow or not getattr(inputs, "err_dbw", 0) or not hasattr(shadow[0].low, "cross"):
+        return shadow
+    if loop.dialect.cross_scan != CrossScan.EACH_SCAN or loop.dialect.cross_band != CrossBand.ZERO_CROSS:
+        return shadow
+    return merged(
+        Bound(bound.low._replace(cross=cross), bound.high._replace(cross=cross))
+        for bound in shadow
+        for cross in (False, True)
+    )
 
 
 def hides_pv(loop: Loop, inputs: Any) -> bool:

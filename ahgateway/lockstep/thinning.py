@@ -91,6 +91,11 @@ def is_dependent(pairs: Sequence[Pair]) -> bool:
     return any(getattr(picture.inputs, "pid_eq", False) for pair in pairs for picture in pair)
 
 
+def counts_ten_ms(loop: Loop) -> bool:
+    """Tell whether CYCLE itself counts 10 ms, so that this unit is the count."""
+    return loop.controller.name == "DPID"
+
+
 def is_plain(loop: Loop, pair: Pair) -> bool:
     before, after = pair
     read = after.inputs
@@ -151,9 +156,11 @@ def _row(last: Any, pair: Pair, recorded: str, was_row: bool) -> tuple[Any, ...]
     return (er, er1, moved, *words, kc, k, kd, tf, bias, dependent, of_pv, read, was_row and same)
 
 
-def _clocks(source: TsSource) -> Iterator[dict[str, int]]:
+def _clocks(loop: Loop, source: TsSource) -> Iterator[dict[str, int]]:
     """Every way to have a Ts from one clock."""
     for unit, scale in product(TsUnit, (0, 1)):
+        if unit == TsUnit.TEN_MS and source == TsSource.NOMINAL and counts_ten_ms(loop):
+            continue
         if unit == TsUnit.LEFT_OUT:
             if source == TsSource.NOMINAL and not scale:
                 yield {"ts_source": int(source), "ts_unit": int(unit)}
@@ -191,7 +198,7 @@ def _integrals(loop: Loop, plain: Plain, has_kc: bool) -> list[dict[str, int]]:
     if len(integrating.inputs) < PLAIN_MIN:
         return []
     for source in TsSource:
-        found = [fixed for clock in _clocks(source) for fixed in _with_clock(loop, integrating, clock, has_kc)]
+        found = [fixed for clock in _clocks(loop, source) for fixed in _with_clock(loop, integrating, clock, has_kc)]
         if found:
             return found
     return []
@@ -307,12 +314,17 @@ def _fits_mv(loop: Loop, plain: Plain, chained: Plain, dialect: Dialect, smoothe
     law: Any = terms_of
     args = (kd[:, None], change[:, None])
     if smoothed and dialect.filter != Filter.IGNORED:
-        ref = law.filtered(shape, before[:, None], *args, tf[:, None], spans)
+        steep, smooth = law.slope(_made({}), *args, spans), tf[:, None]
+        if dialect.filter == Filter.EXACT:
+            # The law's own exponential takes one number at a time; here the last bits do not count.
+            ref = steep + np.exp(-spans / smooth) * (before[:, None] - steep)
+        else:
+            ref = law.filtered(shape, before[:, None], *args, smooth, spans)
     else:
         ref = law.slope(shape, *args, spans)
     size = np.maximum.reduce([abs(chained.mv), abs(chained.i1), abs(chained.kc * chained.er), abs(left)])
-    steep = 1.0 + np.where(tf > 0, spans[:, 0] / np.where(tf > 0, tf, 1.0), 0.0)
-    slack = 64.0 * 2.0**-24 * size * steep + 1e-3 * abs(change) * kd / spans[:, 0] * (spans.shape[1] > 1)
+    growth = 1.0 + np.where(tf > 0, spans[:, 0] / np.where(tf > 0, tf, 1.0), 0.0)
+    slack = 64.0 * 2.0**-24 * size * growth + 1e-3 * abs(change) * kd / spans[:, 0] * (spans.shape[1] > 1)
     return float((abs(ref - left[:, None]).min(axis=1) <= slack).mean())
 
 

@@ -294,6 +294,10 @@ def _dialect(name: str, form: LoopForm, controller: Controller, findings: Findin
             findings.add(key, f"{shown(value)} is not known, allowed are {', '.join(allowed)}", hint)
             continue
         chosen[axis] = allowed[value]
+        words = next((row.words for row in controller.operands if row.name == "I_MV"), 0)
+        if axis == "pv_word" and 2 * int(allowed[value]) >= words:
+            fits = ", ".join(each for each, member in allowed.items() if 2 * int(member) < words)
+            findings.add(key, f"{shown(value)} lies behind the {words} words of I_MV, allowed are {fits}")
     return controller.dialect._replace(**chosen)
 
 

@@ -14,7 +14,7 @@ from ahgateway.core.dialect import AXES, DEFAULT, Dialect
 from ahgateway.core.real import REAL
 from ahgateway.lockstep.identify import Identification, identify
 
-SLOW_TO_TELL = ("ts_source", "filter_content")
+SLOW_TO_TELL = ("ts_source", "filter_content", "pv_word")
 
 
 def learned(name: str, dialect: Dialect, executions: int = 120, step: Any = None, seed: int = 5) -> Identification:

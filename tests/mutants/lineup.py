@@ -133,7 +133,7 @@ DPID: dict[str, Changes] = COMMON | {
     "Ts ten times too short": (("HUNDRED = REAL(100)", "HUNDRED = REAL(1000)"),),
     "derivative of PV": (("if dialect.derivative_of:", "if True:"),),
     "dead band ignored": (("if operands.err_dbw == ZERO:\n        return er", "if True:\n        return er"),),
-    "dead band without its edges": (("or not dialect.band_edge", "or dialect.band_edge"),),
+    "dead band without its edges": (("and not dialect.band_edge", "and dialect.band_edge"),),
     "dead band shifts the error": (("if dialect.band == Band.SHIFTED:", "if True:"),),
     "P and I limited before D": ((SUMMED, "raw = limit(low, p + after, high) + d"),),
     "sum from the right": (("return (p + i) + d", "return p + (i + d)"),),
@@ -152,8 +152,8 @@ DPID: dict[str, Changes] = COMMON | {
     ),
     "D history stands still in manual": (
         (
-            "State(i, operands.pv, mv, e, manual, True)",
-            "State(i, operands.pv, mv, state.e1 if manual else e, manual, True)",
+            "State(i, operands.pv, mv, e, manual, True,",
+            "State(i, operands.pv, mv, state.e1 if manual else e, manual, True,",
         ),
     ),
     "transfer forgets D": (("if dialect.preset_d:", "if True:"),),
@@ -188,7 +188,12 @@ DPIDE: dict[str, Changes] = COMMON | {
     ),
     "fused integral": (("return i + step, step", "return (i + step if dependent else fused(k * x, ts, i)), step"),),
     "fused filter": (("return ((tf * d) + (kd * change)) / span", "return fused(tf, d, kd * change) / span"),),
-    "Tf ignored": (("    kd = td_kd\n    if", "    tf = ZERO\n    kd = td_kd\n    if"),),
+    "Tf ignored": (
+        (
+            "_tf(operands, dialect, tf, td_kd), _kd(operands, dialect, kc, td_kd)\n    if",
+            "ZERO, _kd(operands, dialect, kc, td_kd)\n    if",
+        ),
+    ),
     "filter by forward Euler": (
         (
             "return ((tf * d) + (kd * change)) / span",
@@ -200,7 +205,7 @@ DPIDE: dict[str, Changes] = COMMON | {
         ("state.d if dialect.manual_filter == ManualFilter.HELD else ZERO", "state.d"),
     ),
     "PID_RUN off keeps the filter": (("d, cross = ZERO, False\n", "d, cross = state.d, False\n"),),
-    "Kc does not scale D": (("kd = kc * td_kd\n", "kd = td_kd\n"),),
+    "Kc does not scale D": (("return kc * td_kd\n", "return td_kd\n"),),
     "Kc does not scale I": (
         ("gain = ONE if dialect.integral_store == IntegralStore.WITHOUT_KC else kc", "gain = ONE"),
     ),

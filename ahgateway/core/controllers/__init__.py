@@ -47,6 +47,7 @@ DPID = Controller(
     dpid.nominal_ts,
     dpid.recall,
     dpid.law_ts,
+    pv_dword=1,
 )
 
 DPIDE = Controller(
@@ -65,6 +66,7 @@ DPIDE = Controller(
     dpide.nominal_ts,
     dpide.recall,
     dpide.law_ts,
+    pv_dword=6,
 )
 
 MELSEC_PID = Controller(

@@ -6,7 +6,7 @@ This file knows no instruction; the list of them stands in `core.controllers`.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any
 
@@ -169,6 +169,7 @@ class Controller:
         comes_back: Why the block would not be as found behind a manual time; empty when it would.
         veiled: Names of seen values that a state cannot predict, because what they come from is not known yet.
         veil: Keeps in the state after a step what was not known before it.
+        pv_dword: Double word of I_MV in which the manual has the PV of the last execution; 0 for other controllers.
     """
 
     name: str
@@ -197,6 +198,18 @@ class Controller:
     comes_back: Callable[[Any, Mapping[str, Any]], str] = looks.comes_back
     veiled: Callable[[Any], frozenset[str]] = _nothing_veiled
     veil: Callable[[Any, Any], Any] = _not_veiled
+    pv_dword: int = 0
+
+    def with_pv_word(self, dialect: Any) -> Controller:
+        """Return this controller with the PV of the last execution where the dialect has it in I_MV."""
+        # A dialect that is only asked, not given, leaves the words where they are.
+        if not self.pv_dword or not isinstance(dialect, delta_dialect.Dialect):
+            return self
+        dword = int(dialect.pv_word) or self.pv_dword
+        if any(each.attr == "pv1" and each.dword == dword for each in self.seen):
+            return self
+        found = [replace(each, name=f"I_MV+{dword}", dword=dword) if each.attr == "pv1" else each for each in self.seen]
+        return replace(self, seen=tuple(found))
 
     def operand(self, name: str) -> Operand:
         """Return the row of the operand with the manual's name; KeyError for another name."""

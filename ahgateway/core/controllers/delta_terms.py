@@ -13,12 +13,14 @@ from __future__ import annotations
 import numpy as np
 
 from ahgateway.core import flags as flag
-from ahgateway.core.controllers.delta import ZERO, limit
+from ahgateway.core.controllers.delta import ZERO, finite, limit
 from ahgateway.core.dialect import (
     BiasJoins,
     DerivativeProduct,
     Dialect,
     Filter,
+    FilterContent,
+    FormChange,
     Freeze,
     IntegralStore,
     Integrator,
@@ -36,6 +38,13 @@ ONE = REAL(1)
 TWO = REAL(2)
 HALF = REAL(0.5)
 
+ONE_64, HALF_64 = np.float64(1.0), np.float64(0.5)
+EXP_MIN = np.float64(-104.0)
+"""exp of less is 0 as a REAL."""
+PER_LN2 = np.float64(1.4426950408889634)
+LN2_HIGH, LN2_LOW = np.float64(6.93147180369123816490e-01), np.float64(1.90821492927058770002e-10)
+"""ln 2 in two parts, the first short enough that its multiples are exact."""
+
 
 def ticks_per_second(dialect: Dialect) -> int:
     """Grid of the measured interval, ticks per second; 0 when the interval is CYCLE."""
@@ -52,7 +61,18 @@ def interval(dialect: Dialect, count: int, per_second: int) -> REAL:
         if dialect.ts_scale:
             return REAL(count) * (ONE / REAL(per_second))
         return REAL(count) / REAL(per_second)
-    return REAL(count) if dialect.ts_unit == TsUnit.COUNTS else ONE
+    if dialect.ts_unit == TsUnit.LEFT_OUT:
+        return ONE
+    if dialect.ts_unit == TsUnit.HUNDRED_MS:
+        return REAL(count) / REAL(per_second // 10)
+    if dialect.ts_unit == TsUnit.TEN_MS and per_second > 100:
+        return REAL(count) / REAL(per_second // 100)
+    return REAL(count)
+
+
+def is_rough(dialect: Dialect) -> bool:
+    """Tell whether rounding keeps D's filter from being monotone in what it remembers, while it smooths."""
+    return dialect.filter in (Filter.FORWARD, Filter.ALPHA) or dialect.filter_content == FilterContent.INPUT
 
 
 def product(dialect: Dialect, k: REAL, x: REAL, ts: REAL) -> REAL:
@@ -135,10 +155,51 @@ def filtered(dialect: Dialect, d: REAL, kd: REAL, change: REAL, tf: REAL, ts: RE
     if dialect.filter == Filter.ALPHA:
         return d + ((ts / (tf + ts)) * (steep - d))
     if dialect.filter == Filter.EXACT:
-        # The only function here that is not one IEEE operation: computed in binary64 and rounded once.
-        decay = REAL(np.exp(np.float64(-ts / tf)))
+        decay = decayed(-ts / tf)
         return (decay * d) + ((ONE - decay) * steep)
     return steep
+
+
+def smoothed(dialect: Dialect, content: REAL, x: REAL, x1: REAL, tf: REAL, ts: REAL) -> REAL:
+    """The filtered E or PV one execution on, where the filter stands before the difference; `tf` above 0."""
+    if not dialect.filter:
+        return ((tf * content) + (ts * x)) / (tf + ts)
+    if dialect.filter == Filter.TUSTIN:
+        twice = tf + tf
+        return (((twice - ts) * content) + (ts * (x + x1))) / (twice + ts)
+    if dialect.filter == Filter.FORWARD:
+        return content + ((ts / tf) * (x - content))
+    if dialect.filter == Filter.ALPHA:
+        return content + ((ts / (tf + ts)) * (x - content))
+    if dialect.filter == Filter.EXACT:
+        decay = decayed(-ts / tf)
+        return (decay * content) + ((ONE - decay) * x)
+    return x
+
+
+def turned(dialect: Dialect, e1: REAL, has_turned: bool) -> REAL:
+    """The last E as D takes it when PID_DIR has changed since."""
+    return -e1 if has_turned and dialect.form_change == FormChange.TURNED else e1
+
+
+def number(x: REAL) -> REAL:
+    """What is no number counts as 0."""
+    return x if finite(x) else ZERO
+
+
+def decayed(x: REAL) -> REAL:
+    """exp(x) of an x not above 0, in binary64 by IEEE operations alone, rounded once: equal bits on any machine."""
+    wide = np.float64(x)
+    if not wide > EXP_MIN:
+        return ZERO
+    halvings = np.floor(wide * PER_LN2 + 0.5)
+    rest = (wide - halvings * LN2_HIGH) - halvings * LN2_LOW
+    total = ONE_64
+    for number in range(13, 0, -1):
+        total = ONE_64 + (rest / np.float64(number)) * total
+    for _ in range(int(-halvings)):
+        total = total * HALF_64
+    return REAL(total)
 
 
 def summed(dialect: Dialect, p: REAL, i: REAL, d: REAL) -> REAL:

@@ -21,7 +21,18 @@ from ahgateway.core import flags as flag
 from ahgateway.core.controllers import delta
 from ahgateway.core.controllers import delta_terms as terms_of
 from ahgateway.core.controllers.delta import ZERO, clamped_cycle, finite, gain, limit
-from ahgateway.core.dialect import DEFAULT, Band, Dialect, Freeze, Limits, ManualIntegral, RunOff, RunOffHistory
+from ahgateway.core.dialect import (
+    DEFAULT,
+    BadInput,
+    Band,
+    Dialect,
+    FormChange,
+    Freeze,
+    Limits,
+    ManualIntegral,
+    RunOff,
+    RunOffHistory,
+)
 from ahgateway.core.operands import Kind, Operand
 from ahgateway.core.real import REAL
 
@@ -82,6 +93,7 @@ class State(NamedTuple):
         e1: Error of the last execution, after the dead band; hidden.
         man1: The last execution was in manual; hidden.
         valid: History exists, so that a difference means something; hidden.
+        dir1: PID_DIR at the last execution; hidden.
     """
 
     i: REAL = ZERO
@@ -90,6 +102,7 @@ class State(NamedTuple):
     e1: REAL = ZERO
     man1: bool = False
     valid: bool = False
+    dir1: bool = True
 
 
 class Terms(NamedTuple):
@@ -125,9 +138,9 @@ def raw_error(operands: Operands, pv: REAL, dialect: Dialect = DEFAULT) -> REAL:
 
 def inside_band(operands: Operands, er: REAL, dialect: Dialect) -> bool:
     """Tell whether this raw error lies inside the dead band."""
-    if operands.err_dbw == ZERO or abs(er) > abs(operands.err_dbw):
+    if operands.err_dbw == ZERO:
         return False
-    return abs(er) != abs(operands.err_dbw) or not dialect.band_edge
+    return bool(abs(er) < abs(operands.err_dbw) or (abs(er) == abs(operands.err_dbw) and not dialect.band_edge))
 
 
 def error(operands: Operands, er: REAL, dialect: Dialect = DEFAULT) -> REAL:
@@ -158,12 +171,14 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
     if operands.pid_mode == 1:
         return state, _held(operands, state, flag.AUTOTUNE)
 
+    # A raw error is a number only if SV and PV are.
+    is_bad = not finite(operands.sv - operands.pv) or (operands.pid_man and not finite(operands.mout))
+    if is_bad and not dialect.bad_input:
+        return state, _held(operands, state, flag.BAD_INPUT)
+    if is_bad and dialect.bad_input == BadInput.AS_ZERO:
+        operands = _numbers(operands)
     er = raw_error(operands, operands.pv, dialect)
     manual = operands.pid_man
-    # A raw error is a number only if SV and PV are.
-    if not finite(er) or (manual and not finite(operands.mout)):
-        return state, _held(operands, state, flag.BAD_INPUT)
-
     flags = 0
     if not (finite(operands.kp) and finite(operands.ki) and finite(operands.kd)):
         flags |= flag.BAD_PARAM
@@ -179,7 +194,14 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
         e1, pv1 = e, operands.pv
     p = kp * e
     # Off is 0, whatever E does: 0 times a difference that overflows would be no number.
-    d = _derivative(operands, dialect, kd, e - e1, pv1, ts) if kd > ZERO else ZERO
+    d = ZERO
+    if kd > ZERO:
+        ed1, pd1 = e1, pv1
+        if state.valid and state.dir1 != operands.pid_dir and dialect.form_change:
+            ed1 = terms_of.turned(dialect, e1, True)
+            if dialect.form_change == FormChange.RESET:
+                ed1, pd1 = e, operands.pv
+        d = _derivative(operands, dialect, kd, e - ed1, pd1, ts)
 
     i = state.i
     mout = operands.mout
@@ -206,13 +228,35 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
     else:
         i, raw, mv, limit_flags = _automatic(dialect, state.mv, i, ki, p, e, e1, d, ts, mv_min, mv_max)
         flags |= limit_flags
-    if raw != raw or (kind > 0 and not finite(i)):
+    if (raw != raw or (kind > 0 and not finite(i))) and dialect.bad_input != BadInput.PROPAGATED:
         return state, _held(operands, state, flags | flag.BAD_INPUT)
     if operands.mout_auto and (not manual or (mv != mout and dialect.mout_auto)):
         mout = mv
     if manual and dialect.manual_history:
-        return State(i, state.pv1, mv, state.e1, True, state.valid), Terms(e, p, i, d, raw, mv, mout, flags)
-    return State(i, operands.pv, mv, e, manual, True), Terms(e, p, i, d, raw, mv, mout, flags)
+        held = State(i, state.pv1, mv, state.e1, True, state.valid, state.dir1)
+        return held, Terms(e, p, i, d, raw, mv, mout, flags)
+    return State(i, operands.pv, mv, e, manual, True, operands.pid_dir), Terms(e, p, i, d, raw, mv, mout, flags)
+
+
+def _numbers(operands: Operands) -> Operands:
+    """The operands, 0 for what is no number; gains and limits as they are."""
+    return Operands(
+        operands.pid_run,
+        terms_of.number(operands.sv),
+        terms_of.number(operands.pv),
+        operands.pid_mode,
+        operands.pid_man,
+        operands.mout_auto,
+        operands.cycle,
+        operands.kp,
+        operands.ki,
+        operands.kd,
+        operands.pid_dir,
+        operands.err_dbw,
+        operands.mv_max,
+        operands.mv_min,
+        terms_of.number(operands.mout),
+    )
 
 
 def _automatic(
@@ -287,14 +331,14 @@ def _stopped(operands: Operands, state: State, dialect: Dialect) -> tuple[State,
     """PID_RUN is FALSE: MV is 0, and nothing is computed."""
     kept = ZERO if dialect.run_off == RunOff.CLEAR else state.i
     mout = ZERO if operands.mout_auto and dialect.run_off_mout else operands.mout
-    e1, pv1, valid = state.e1, state.pv1, False
+    e1, pv1, valid, dir1 = state.e1, state.pv1, False, state.dir1
     if dialect.run_off_history == RunOffHistory.KEPT:
         valid = state.valid
     elif dialect.run_off_history == RunOffHistory.TRACKED:
         er = raw_error(operands, operands.pv, dialect)
         if finite(er):
-            e1, pv1, valid = error(operands, er, dialect), operands.pv, True
-    stopped = State(kept, pv1, ZERO, e1, state.man1, valid)
+            e1, pv1, valid, dir1 = error(operands, er, dialect), operands.pv, True, operands.pid_dir
+    stopped = State(kept, pv1, ZERO, e1, state.man1, valid, dir1)
     return stopped, Terms(ZERO, ZERO, kept, ZERO, ZERO, ZERO, mout, flag.STOPPED)
 
 
@@ -320,5 +364,5 @@ def recall(operands: Operands, seen: State, dialect: Dialect = DEFAULT) -> tuple
     if (operands.pid_man and dialect.manual_history) or not (operands.pid_run or not dialect.run_off_history):
         return ()
     e1 = error(operands, raw_error(operands, seen.pv1, dialect), dialect)
-    states = [State(seen.i, seen.pv1, seen.mv, e1, man1, operands.pid_run) for man1 in manuals]
+    states = [State(seen.i, seen.pv1, seen.mv, e1, man1, operands.pid_run, operands.pid_dir) for man1 in manuals]
     return tuple((state, state) for state in states)

@@ -23,10 +23,14 @@ from ahgateway.core.controllers import delta_terms as terms_of
 from ahgateway.core.controllers.delta import ZERO, clamped_cycle, finite, gain, limit
 from ahgateway.core.dialect import (
     DEFAULT,
+    BadInput,
     CrossBand,
     CrossD,
     Dialect,
     Filter,
+    FilterContent,
+    FormChange,
+    FormIntegral,
     Freeze,
     IntegralStore,
     Limits,
@@ -113,6 +117,8 @@ class State(NamedTuple):
         cross: PV has passed SV inside the band; hidden.
         man1: The last execution was in manual; hidden.
         valid: History exists; hidden.
+        form1: PID_DIR, PID_EQ and PID_DE at the last execution, as `form_of` puts them together; hidden.
+        sv1: SV at the last execution; hidden.
     """
 
     i: REAL = ZERO
@@ -124,6 +130,8 @@ class State(NamedTuple):
     cross: bool = False
     man1: bool = False
     valid: bool = False
+    form1: int = 1
+    sv1: REAL = ZERO
 
 
 class Terms(NamedTuple):
@@ -174,7 +182,14 @@ def crossed(operands: Operands, er: REAL, er1: REAL, cross: bool, dialect: Diale
         return True
     if (er == ZERO or er1 == ZERO) and dialect.cross_touch:
         return False
-    return bool(er == ZERO or _sign(er) != _sign(er1))
+    if er != ZERO and _sign(er) == _sign(er1):
+        return False
+    return inside_band(operands, er1, dialect) or not dialect.cross_jump
+
+
+def form_of(operands: Operands) -> int:
+    """PID_DIR as 1, PID_EQ as 2, PID_DE as 4, added up."""
+    return (1 if operands.pid_dir else 0) + (2 if operands.pid_eq else 0) + (4 if operands.pid_de else 0)
 
 
 def _sign(x: REAL) -> int:
@@ -198,12 +213,13 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
     if operands.pid_mode == 1:
         return state, _held(operands, state, flag.AUTOTUNE)
 
+    is_bad = _is_bad(operands)
+    if is_bad and not dialect.bad_input:
+        return state, _held(operands, state, flag.BAD_INPUT)
+    if is_bad and dialect.bad_input == BadInput.AS_ZERO:
+        operands = _numbers(operands)
     er = raw_error(operands, operands.pv, dialect)
     manual = operands.pid_man
-    # A raw error is a number only if SV and PV are.
-    if not finite(er) or not finite(operands.bias) or (manual and not finite(operands.mout)):
-        return state, _held(operands, state, flag.BAD_INPUT)
-
     flags = 0
     if not (finite(operands.kc_kp) and finite(operands.ti_ki) and finite(operands.td_kd) and finite(operands.tf)):
         flags |= flag.BAD_PARAM
@@ -216,7 +232,10 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
     integrating = bool(ti_ki > ZERO and not dead)
 
     fresh = not state.valid and not (td_kd > ZERO and dialect.first_history)
-    cross = crossed(operands, er, state.er1 if state.valid else er, state.cross, dialect)
+    was_crossed = state.cross
+    if was_crossed and operands.sv != state.sv1 and dialect.cross_sv:
+        was_crossed = False
+    cross = crossed(operands, er, state.er1 if state.valid else er, was_crossed, dialect)
     e = ZERO if cross else er
     e1 = e if fresh else state.e1
     er1 = er if fresh else state.er1
@@ -225,11 +244,20 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
     p = kc * e
     content = inner = d = ZERO
     if td_kd > ZERO and not dead:
-        delta_x = _derivative_input(operands, dialect, e, e1, er, er1, pv1, cross)
-        content, inner = _derivative(operands, dialect, state.d, kc, td_kd, tf, delta_x, ts)
+        if state.valid and state.form1 != form_of(operands) and dialect.form_change:
+            past = _past(operands, dialect, state.form1, e, e1, er, er1, pv1)
+        else:
+            past = (e1, er1, pv1)
+        if dialect.filter_content == FilterContent.INPUT:
+            content, inner = _smoothed(operands, dialect, state.d, fresh, kc, td_kd, tf, e, er, past, cross, ts)
+        else:
+            delta_x = _derivative_input(operands, dialect, e, past[0], er, past[1], past[2], cross)
+            content, inner = _derivative(operands, dialect, state.d, kc, td_kd, tf, delta_x, ts)
         d = kc * inner if operands.pid_eq and dialect.dependent_sum else inner
 
     i = state.i
+    if i != ZERO and state.valid and bool(state.form1 & 2) != operands.pid_eq and dialect.form_integral:
+        i = _reformed(operands, dialect, i, ti_ki, kc, integrating)
     mout = operands.mout
     bias = operands.bias
     kind = 0
@@ -257,16 +285,105 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
             operands, dialect, state.mv, i, integrating, ti_ki, kc, p, e, e1, d, inner, ts, mv_min, mv_max
         )
         flags |= limit_flags
-    if raw != raw or (kind > 0 and not finite(i)):
+    is_held = raw != raw or (kind > 0 and not finite(i))
+    if is_held and dialect.bad_input != BadInput.PROPAGATED:
         return state, _held(operands, state, flags | flag.BAD_INPUT)
     if operands.mout_auto and (not manual or (mv != mout and dialect.mout_auto)):
         mout = mv
     terms = Terms(e, p, i, d, bias, raw, mv, mout, cross, flags)
     # An overflow must not stay in the filter for good: it starts again from 0.
-    content = content if finite(content) else ZERO
+    content = content if finite(content) or is_held else ZERO
     if manual and dialect.manual_history:
-        return State(i, state.pv1, mv, state.e1, content, state.er1, cross, True, state.valid), terms
-    return State(i, operands.pv, mv, e, content, er, cross, manual, True), terms
+        held = State(i, state.pv1, mv, state.e1, content, state.er1, cross, True, state.valid, state.form1, state.sv1)
+        return held, terms
+    return State(i, operands.pv, mv, e, content, er, cross, manual, True, form_of(operands), operands.sv), terms
+
+
+def _is_bad(operands: Operands) -> bool:
+    """Tell whether something that is added is no number; a raw error is one only if SV and PV are."""
+    if not finite(operands.sv - operands.pv) or not finite(operands.bias):
+        return True
+    return bool(operands.pid_man and not finite(operands.mout))
+
+
+def _numbers(operands: Operands) -> Operands:
+    """The operands, 0 for what is no number; gains and limits as they are."""
+    return Operands(
+        operands.pid_run,
+        terms_of.number(operands.sv),
+        terms_of.number(operands.pv),
+        operands.pid_mode,
+        operands.pid_man,
+        operands.mout_auto,
+        operands.cycle,
+        operands.kc_kp,
+        operands.ti_ki,
+        operands.td_kd,
+        operands.tf,
+        operands.pid_eq,
+        operands.pid_de,
+        operands.pid_dir,
+        operands.err_dbw,
+        operands.mv_max,
+        operands.mv_min,
+        terms_of.number(operands.mout),
+        terms_of.number(operands.bias),
+    )
+
+
+def _past(
+    operands: Operands, dialect: Dialect, form1: int, e: REAL, e1: REAL, er: REAL, er1: REAL, pv1: REAL
+) -> tuple[REAL, REAL, REAL]:
+    """The last E that counts, raw E and PV as D takes them when PID_DIR, PID_EQ or PID_DE has changed since."""
+    if dialect.form_change == FormChange.RESET:
+        return e, er, operands.pv
+    if dialect.form_change == FormChange.TURNED:
+        has_turned = bool(form1 & 1) != operands.pid_dir
+        return terms_of.turned(dialect, e1, has_turned), terms_of.turned(dialect, er1, has_turned), pv1
+    if bool(form1 & 4) != operands.pid_de:
+        return (e1, er1, e1) if operands.pid_de else (pv1, pv1, pv1)
+    return e1, er1, pv1
+
+
+def _reformed(operands: Operands, dialect: Dialect, i: REAL, ti_ki: REAL, kc: REAL, integrating: bool) -> REAL:
+    """I_MV when PID_EQ has changed since the last execution."""
+    if dialect.form_integral == FormIntegral.ZEROED:
+        return ZERO
+    if not integrating or not kc > ZERO:
+        return i
+    wanted = terms_of.term(dialect, not operands.pid_eq, ti_ki, kc, i)
+    return terms_of.stored(dialect, operands.pid_eq, ti_ki, kc, wanted)
+
+
+def _smoothed(
+    operands: Operands,
+    dialect: Dialect,
+    content: REAL,
+    fresh: bool,
+    kc: REAL,
+    td_kd: REAL,
+    tf: REAL,
+    e: REAL,
+    er: REAL,
+    past: tuple[REAL, REAL, REAL],
+    cross: bool,
+    ts: REAL,
+) -> tuple[REAL, REAL]:
+    """The filtered E or PV behind this execution, and D of it; a filter that holds 0 begins with what it meets."""
+    is_still = False
+    if operands.pid_de:
+        is_still = cross
+        is_reverse = operands.pid_dir != bool(dialect.direction)
+        x, x1 = (-operands.pv, -past[2]) if is_reverse else (operands.pv, past[2])
+    else:
+        x, x1 = e, past[0]
+        if cross and dialect.cross_d:
+            x, x1 = er, past[1]
+            is_still = dialect.cross_d == CrossD.SUPPRESSED
+    tf, kd = _tf(operands, dialect, tf, td_kd), _kd(operands, dialect, kc, td_kd)
+    before = x if fresh or content == ZERO else content
+    after = terms_of.smoothed(dialect, before, x, x1, tf, ts) if tf > ZERO else x
+    return after, (ZERO if is_still else terms_of.slope(dialect, kd, after - before, ts))
 
 
 def _derivative_input(
@@ -281,15 +398,25 @@ def _derivative_input(
     return -moved if operands.pid_dir != bool(dialect.direction) else moved
 
 
+def _tf(operands: Operands, dialect: Dialect, tf: REAL, td_kd: REAL) -> REAL:
+    """Tf in s."""
+    if operands.pid_eq and tf > ZERO and dialect.tf_unit:
+        return tf * td_kd
+    return tf
+
+
+def _kd(operands: Operands, dialect: Dialect, kc: REAL, td_kd: REAL) -> REAL:
+    """The gain of D, with Kc in the dependent form unless that stands before the bracket."""
+    if operands.pid_eq and not dialect.dependent_sum:
+        return kc * td_kd
+    return td_kd
+
+
 def _derivative(
     operands: Operands, dialect: Dialect, d: REAL, kc: REAL, td_kd: REAL, tf: REAL, change: REAL, ts: REAL
 ) -> tuple[REAL, REAL]:
     """Content of the filter behind this execution, and D, without Kc where that stands before the bracket."""
-    if operands.pid_eq and tf > ZERO and dialect.tf_unit:
-        tf = tf * td_kd
-    kd = td_kd
-    if operands.pid_eq and not dialect.dependent_sum:
-        kd = kc * td_kd
+    tf, kd = _tf(operands, dialect, tf, td_kd), _kd(operands, dialect, kc, td_kd)
     if not tf > ZERO and not dialect.derivative_product:
         content = ((tf * d) + (kd * change)) / (tf + ts)
         return content, content
@@ -403,16 +530,16 @@ def _stopped(operands: Operands, state: State, dialect: Dialect) -> tuple[State,
     d, cross = ZERO, False
     if dialect.run_off_filter:
         d, cross = state.d, state.cross
-    pv1, e1, er1, valid = state.pv1, state.e1, state.er1, False
+    pv1, e1, er1, valid, form1, sv1 = state.pv1, state.e1, state.er1, False, state.form1, state.sv1
     if dialect.run_off_history == RunOffHistory.KEPT:
         valid = state.valid
     elif dialect.run_off_history == RunOffHistory.TRACKED:
         er = raw_error(operands, operands.pv, dialect)
         if finite(er):
             cross = crossed(operands, er, er1 if state.valid else er, cross, dialect)
-            pv1, er1, valid = operands.pv, er, True
+            pv1, er1, valid, form1, sv1 = operands.pv, er, True, form_of(operands), operands.sv
             e1 = ZERO if cross else er
-    stopped = State(kept, pv1, ZERO, e1, d, er1, cross, state.man1, valid)
+    stopped = State(kept, pv1, ZERO, e1, d, er1, cross, state.man1, valid, form1, sv1)
     return stopped, Terms(ZERO, ZERO, kept, ZERO, operands.bias, ZERO, ZERO, mout, False, flag.STOPPED)
 
 
@@ -447,12 +574,11 @@ def recall(operands: Operands, seen: State, dialect: Dialect = DEFAULT) -> tuple
     if not operands.pid_run and dialect.run_off_filter:
         statuses = (False, True)
     manuals = (operands.pid_man,) if operands.pid_run else (False, True)
-    pairs = []
+    pairs, form = [], form_of(operands)
     for cross in statuses:
         for man1 in manuals:
             e1 = ZERO if cross else er
             after = cross and not (man1 and operands.pid_run and dialect.cross_manual)
-            low = State(seen.i, seen.pv1, seen.mv, e1, -bound, er, after, man1, operands.pid_run)
-            high = State(seen.i, seen.pv1, seen.mv, e1, bound, er, after, man1, operands.pid_run)
-            pairs.append((low, high))
+            shown = State(seen.i, seen.pv1, seen.mv, e1, ZERO, er, after, man1, operands.pid_run, form, operands.sv)
+            pairs.append((shown._replace(d=-bound), shown._replace(d=bound)))
     return tuple(pairs)
