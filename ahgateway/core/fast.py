@@ -1,8 +1,7 @@
 """The laws, stepped along a whole trace: compiled by numba where that is installed (extra `fast`), else interpreted.
 
-There is one source of each law. This file alone makes a second executable of it: every function that a law calls is
-compiled as it stands, and the loop over the trace with it; both roads give equal bits (property test, MEASURED). It
-does not know where a trace comes from.
+There is one source of each law, and `compiling` makes a second executable of it; here the loop over the trace is
+compiled with it. Both roads give equal bits (property test, MEASURED). It does not know where a trace comes from.
 
 Theory of operation: numba knows NamedTuples of numbers, so operands, state and terms pass as they are. Enums become
 plain integers, both in the dialect that is handed in and where a law names one. The loop is compiled, not the step: a
@@ -11,12 +10,8 @@ call into compiled code costs as much as fifty steps inside it (MEASURED, spec s
 
 from __future__ import annotations
 
-import dis
-import types
-from collections import namedtuple
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from enum import EnumMeta
 from functools import lru_cache
 from importlib.util import find_spec
 from typing import Any, NamedTuple
@@ -24,6 +19,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ahgateway.core.compiling import Maker, njit, plain_type
 from ahgateway.core.controllers import Controller
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL, quiet
@@ -32,7 +28,7 @@ Column = NDArray[Any]
 COMPILED = ("DPID", "DPIDE")
 """Controllers whose law is written so that it compiles."""
 
-_PACKAGE = "ahgateway.core"
+_COMPILER = Maker(compiled=True)
 _DTYPES = {Kind.BOOL: np.bool_, Kind.REAL: np.float32, Kind.DINT: np.int64, Kind.INT: np.int64}
 
 
@@ -143,13 +139,8 @@ def _typed(state: Any) -> Any:
 
 def _plain(dialect: Any) -> Any:
     """The dialect with integers for enums."""
-    shape = _plain_type(type(dialect).__name__, dialect._fields)
+    shape = plain_type(type(dialect).__name__, dialect._fields)
     return shape(*[int(value) for value in dialect])
-
-
-@lru_cache(maxsize=16)
-def _plain_type(name: str, fields: tuple[str, ...]) -> Any:
-    return namedtuple(name, fields)
 
 
 class _Law(NamedTuple):
@@ -196,68 +187,11 @@ def _loop(law: _Law, shown: tuple[str, ...], is_compiled: bool) -> Callable[...,
     )
     scope: dict[str, Any] = {"Operands": law.inputs, "State": law.state, "step": law.step}
     if is_compiled:
-        scope["step"] = _compiled(law.step)
+        scope["step"] = _COMPILER.function(law.step)
     exec(compile(source, "<loop over a trace>", "exec"), scope)
     run: Callable[..., Any] = scope["run"]
-    return _njit()(run) if is_compiled else run
+    return njit()(run) if is_compiled else run
 
 
 def _unpacked(names: list[str]) -> str:
     return ", ".join(names) + ","
-
-
-def _njit(*, is_inner: bool = False) -> Any:
-    """The compiler, told to keep IEEE: no reordering, no contraction, division as numpy does it.
-
-    What only compiled code calls gets no door from Python: those doors take most of the time to compile.
-    """
-    from numba import njit
-
-    # numba's own stubs do not know the last two options.
-    options: dict[str, Any] = {"no_cpython_wrapper": is_inner, "no_cfunc_wrapper": is_inner}
-    return njit(error_model="numpy", fastmath=False, **options)
-
-
-@lru_cache(maxsize=256)
-def _compiled(function: Any) -> Any:
-    """Compile a function of the core and, first, every function of the core that it names."""
-    scope = dict(function.__globals__)
-    for name in _names(function.__code__):
-        if name in scope:
-            scope[name] = _compilable(scope[name])
-    copy = types.FunctionType(function.__code__, scope, function.__name__, function.__defaults__, function.__closure__)
-    return _njit(is_inner=True)(_without_defaults(copy))
-
-
-def _without_defaults(function: Any) -> Any:
-    """Laws hand every argument on; a default dialect would be of another type."""
-    function.__defaults__ = None
-    return function
-
-
-def _compilable(value: Any) -> Any:
-    """What stands for a global in compiled code: functions compiled, enums as integers, modules name by name."""
-    if isinstance(value, types.FunctionType) and value.__module__.startswith(_PACKAGE):
-        return _compiled(value)
-    if isinstance(value, EnumMeta):
-        members: Mapping[str, Any] = value.__members__
-        return _plain_type(value.__name__, tuple(members))(*[int(member) for member in members.values()])
-    if isinstance(value, types.ModuleType) and value.__name__.startswith(_PACKAGE):
-        return _Names(value)
-    return value
-
-
-class _Names(types.ModuleType):
-    """A module of the core with its functions compiled when they are named."""
-
-    def __init__(self, module: types.ModuleType) -> None:
-        super().__init__(module.__name__)
-        self._module = module
-
-    def __getattr__(self, name: str) -> Any:
-        return _compilable(getattr(self._module, name))
-
-
-def _names(code: types.CodeType) -> set[str]:
-    """Every global that a function names."""
-    return {str(each.argval) for each in dis.get_instructions(code) if each.opname == "LOAD_GLOBAL"}

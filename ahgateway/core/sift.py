@@ -1,0 +1,496 @@
+"""Carry everything that a controller can remember along a trace, in one partial dialect, until an execution says more.
+
+What can be remembered is a set of elements: each is a lowest and a highest state that differ at most in the content of
+D's filter. An execution keeps of each element what reproduces its words. The walk stops where an open axis is read,
+where no element is left, and where an element cannot be followed by bits; the caller goes on from there. This file
+decides what is consistent with what was seen; it does not know dialects to try, nor where a trace comes from.
+
+Theory of operation: the law is monotone in the content, each operation rounding monotonically, so that the two ends
+enclose all between, and bisection cuts off what does not reproduce the words. Filters that rounding keeps from being
+monotone (`is_rough`) are followed value by value instead. Where the interval is measured, I_MV alone cuts the ticks of
+the clock down, by bisection too. The walk is compiled with the law, or interpreted, from this one source.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from ahgateway.core import flags as flag
+from ahgateway.core.compiling import FIRST_ASKED, Maker, njit
+from ahgateway.core.controllers import Controller
+from ahgateway.core.controllers.delta_terms import is_rough, ticks_per_second
+from ahgateway.core.operands import Kind
+from ahgateway.core.real import REAL
+
+DONE, ASKED, FELL, LOST = 0, 1, 2, 3
+"""Why a walk stopped: at its end; an open axis was read; no element was left; it cannot be followed by bits."""
+
+NEAR = 32
+"""How many of the elements found last are looked through for one that is the same."""
+
+FROZEN = flag.FREEZE_HI | flag.FREEZE_LO
+FEW = 8
+"""So few ticks of a clock are tried one by one."""
+
+MANY = 256
+"""More ticks than this that may all be true are not followed: they leave a filter open, or a limit hides which."""
+
+NEVER = 2
+ZERO = REAL(0)
+ONE = REAL(1)
+
+# Filled in for each law by `sieve`: its step and interval, and small functions made from its tuples.
+step: Any = None
+law_ts: Any = None
+nominal_ts: Any = None
+read: Any = None
+unpacked: Any = None
+pack: Any = None
+words: Any = None
+with_content: Any = None
+content: Any = None
+extended: Any = False
+content_at: Any = -1
+cross_at: Any = -1
+i_at: Any = 0
+
+
+def sift(
+    first: int,
+    stop: int,
+    starts: Any,
+    columns: Any,
+    seen: Any,
+    judged: Any,
+    scan_ms: int,
+    dialect: Any,
+    low: Any,
+    high: Any,
+    count: int,
+) -> Any:
+    """Walk from one execution to another; equal arguments give equal bits, compiled or not.
+
+    Args:
+        first: Execution to begin with; the elements are those before it.
+        stop: Execution before which to end.
+        starts: Where each execution's sets of inputs begin in `columns`, one more than there are executions.
+        columns: One column for each input, a row for each set of inputs that an execution can have read.
+        seen: PV of the last execution, I_MV, MV and MOUT behind each execution, n by 4.
+        judged: Which of the four stand in the PLC's memory.
+        scan_ms: Longest scan, which bounds a measured interval.
+        dialect: A dialect to ask, as `asked_row` makes it.
+        low: Lowest state of each element, a field a column; more rows than elements, which are overwritten.
+        high: Highest state of each.
+        count: How many elements there are.
+
+    Returns:
+        The execution at which it stopped, why, and the elements before it: lowest, highest, how many.
+    """
+    next_low, next_high = np.empty_like(low), np.empty_like(high)
+    for k in range(first, stop):
+        kept = 0
+        for v in range(starts[k], starts[k + 1]):
+            operands = read(columns, v)
+            hides = hides_pv(operands, dialect)
+            if hides and forgets(operands):
+                return k, ASKED if dialect[FIRST_ASKED] >= 0 else LOST, low, high, count
+            if loosens(operands, dialect):
+                count = loosened(low, high, count)
+            for e in range(count):
+                kept = advanced(
+                    operands, dialect, seen[k], judged, hides, scan_ms, low, high, e, next_low, next_high, kept
+                )
+                if dialect[FIRST_ASKED] >= 0:
+                    return k, ASKED, low, high, count
+                if kept < 0:
+                    return k, LOST, low, high, count
+        if kept == 0:
+            return k, FELL, low, high, count
+        low, high, next_low, next_high = next_low, next_high, low, high
+        count = kept
+    return stop, DONE, low, high, count
+
+
+def advanced(
+    operands: Any,
+    dialect: Any,
+    seen: Any,
+    judged: Any,
+    hides: bool,
+    scan_ms: int,
+    low: Any,
+    high: Any,
+    e: int,
+    next_low: Any,
+    next_high: Any,
+    kept: int,
+) -> int:
+    """Add what one element becomes; the new number of elements, -1 when it cannot be followed."""
+    lowest, highest = unpacked(low, e), unpacked(high, e)
+    exact = wavers(operands, dialect)
+    begin, end = 0, 0
+    if exact and is_open(lowest, highest):
+        begin, end = place(content(lowest)), place(content(highest))
+        if end - begin >= len(next_low):
+            return -1
+    per_second = ticks_per_second(dialect)
+    first, last = 0, 0
+    if per_second:
+        nominal = int(np.rint(np.float64(nominal_ts(operands)) * per_second))
+        slack = max(1, -(-scan_ms * per_second // 1000))
+        first, last = max(1, nominal - slack), nominal + slack
+        if last - first > FEW and not hides:
+            first, last = cut(operands, dialect, lowest, seen, judged, first, last)
+        if last - first > MANY:
+            return kept if dialect[FIRST_ASKED] >= 0 else -1
+    for position in range(begin, end + 1):
+        if end > begin:
+            lowest = highest = with_content(lowest, real_at(position))
+        before = kept
+        for ticks in range(first, last + 1):
+            ts = law_ts(operands, dialect, ticks)
+            kept = fitted(operands, dialect, seen, judged, hides, lowest, highest, ts, exact, next_low, next_high, kept)
+            if kept < 0 or dialect[FIRST_ASKED] >= 0:
+                return kept
+            if kept > before and not remembers_ts(operands):
+                break
+    return kept
+
+
+def fitted(
+    operands: Any,
+    dialect: Any,
+    seen: Any,
+    judged: Any,
+    hides: bool,
+    lowest: Any,
+    highest: Any,
+    ts: Any,
+    exact: bool,
+    next_low: Any,
+    next_high: Any,
+    kept: int,
+) -> int:
+    """Add what reproduces the words with one interval; the new number of elements, -1 when it cannot be followed."""
+    after, terms = step(operands, lowest, dialect, ts)
+    if dialect[FIRST_ASKED] >= 0:
+        return kept
+    where = side(after, terms, seen, judged, hides)
+    if not is_open(lowest, highest):
+        return kept if where else added(after, after, seen, hides, exact, next_low, next_high, kept)
+    far, far_terms = step(operands, highest, dialect, ts)
+    if dialect[FIRST_ASKED] >= 0:
+        return kept
+    if (terms.flags ^ far_terms.flags) & FROZEN:
+        return -1
+    there = side(far, far_terms, seen, judged, hides)
+    if where == 0 and there == 0:
+        return added(after, far, seen, hides, exact, next_low, next_high, kept)
+    if there in (where, NEVER) or where == NEVER:
+        return kept
+    # Cut off what lies below and above: positions count the REALs between the ends.
+    sign = -1 if where > there else 1
+    bottom, top = place(content(lowest)), place(content(highest))
+    start, beyond = bottom, top + 1
+    while start < beyond:
+        middle = (start + beyond) // 2
+        if sign * side_at(operands, dialect, seen, judged, hides, lowest, middle, ts) >= 0:
+            beyond = middle
+        else:
+            start = middle + 1
+    finish, beyond = start, top + 1
+    while finish < beyond:
+        middle = (finish + beyond) // 2
+        if sign * side_at(operands, dialect, seen, judged, hides, lowest, middle, ts) > 0:
+            beyond = middle
+        else:
+            finish = middle + 1
+    if finish <= start:
+        return kept
+    near, near_terms = step(operands, with_content(lowest, real_at(start)), dialect, ts)
+    far, far_terms = step(operands, with_content(lowest, real_at(finish - 1)), dialect, ts)
+    if side(near, near_terms, seen, judged, hides) or side(far, far_terms, seen, judged, hides):
+        return -1
+    return added(near, far, seen, hides, exact, next_low, next_high, kept)
+
+
+def side_at(
+    operands: Any, dialect: Any, seen: Any, judged: Any, hides: bool, state: Any, position: int, ts: Any
+) -> int:
+    """Where the words lie with the content at this position."""
+    after, terms = step(operands, with_content(state, real_at(position)), dialect, ts)
+    return side(after, terms, seen, judged, hides)
+
+
+def side(after: Any, terms: Any, seen: Any, judged: Any, hides: bool) -> int:
+    """Where an execution's words lie: -1 below what was seen, 0 on it, 1 above, NEVER where D has no part in it.
+
+    MV rises with D, and I_MV, where D has a part in it, falls.
+    """
+    pv, i, mv, mout = words(after, terms)
+    if judged[0] and not same(pv, seen[0]):
+        return NEVER
+    if judged[2] and not same(mv, seen[2]):
+        return -1 if mv < seen[2] else (1 if mv > seen[2] else NEVER)
+    if judged[1] and not hides and not same(i, seen[1]):
+        return -1 if i > seen[1] else (1 if i < seen[1] else NEVER)
+    if judged[3] and not same(mout, seen[3]):
+        return -1 if mout < seen[3] else (1 if mout > seen[3] else NEVER)
+    return 0
+
+
+def same(left: Any, right: Any) -> bool:
+    """Tell whether two REALs have the same bits, where all NaNs are one."""
+    if left == right:
+        return bool(left != ZERO or ONE / left == ONE / right)
+    return bool(left != left and right != right)
+
+
+def added(first: Any, last: Any, seen: Any, hides: bool, exact: bool, next_low: Any, next_high: Any, kept: int) -> int:
+    """Add an element, or widen one that has all but the content in common; -1 when there is no more room."""
+    if kept >= len(next_low):
+        return -1
+    if content(first) > content(last):
+        first, last = last, first
+    pack(first, next_low, kept)
+    pack(last, next_high, kept)
+    if hides:
+        # What I_MV follows from is a PV that nobody saw: it is taken as shown.
+        next_low[kept, i_at] = next_high[kept, i_at] = seen[1]
+    for j in range(max(0, kept - NEAR), kept):
+        if not in_common(next_low, j, kept):
+            continue
+        if content_at < 0:
+            return kept
+        if not exact:
+            next_low[j, content_at] = min(next_low[j, content_at], next_low[kept, content_at])
+            next_high[j, content_at] = max(next_high[j, content_at], next_high[kept, content_at])
+            return kept
+        if next_low[j, content_at] == next_low[kept, content_at]:
+            return kept
+    return kept + 1
+
+
+def in_common(rows: Any, j: int, k: int) -> bool:
+    """Tell whether two states differ at most in the content."""
+    is_same = True
+    for column in range(rows.shape[1]):
+        is_same = is_same and (column == content_at or rows[j, column] == rows[k, column])
+    return is_same
+
+
+def loosens(operands: Any, dialect: Any) -> bool:
+    """Tell whether PV may have passed SV between the executions, where the cross status is kept scan by scan."""
+    if cross_at < 0 or operands.err_dbw == ZERO:
+        return False
+    return bool(dialect.cross_scan) and not dialect.cross_band
+
+
+def loosened(low: Any, high: Any, count: int) -> int:
+    """Add to each element the one with the other cross status, where there is room; the new number of elements."""
+    for e in range(count):
+        if 2 * count > len(low):
+            break
+        low[count + e] = low[e]
+        high[count + e] = high[e]
+        low[count + e, cross_at] = high[count + e, cross_at] = 1.0 - low[e, cross_at]
+    wider = count if 2 * count > len(low) else 2 * count
+    kept = 0
+    for e in range(wider):
+        is_known = False
+        for j in range(kept):
+            if in_common(low, j, e) and (content_at < 0 or low[j, content_at] == low[e, content_at]):
+                is_known = True
+        if not is_known:
+            low[kept] = low[e]
+            high[kept] = high[e]
+            kept += 1
+    return kept
+
+
+def hides_pv(operands: Any, dialect: Any) -> bool:
+    """Tell whether the execution leaves no trace of the PV that it read, and I_MV follows from that."""
+    if not operands.pid_run or not operands.pid_man:
+        return False
+    return bool(dialect.manual_history) and bool(dialect.manual_integral)
+
+
+def forgets(operands: Any) -> bool:
+    """Tell whether a PV that nobody saw would leave the filter or the cross status open."""
+    return bool(extended and (operands.td_kd > ZERO or operands.err_dbw != ZERO))
+
+
+def wavers(operands: Any, dialect: Any) -> bool:
+    """Tell whether the content has to be followed value by value."""
+    return bool(extended and operands.td_kd > ZERO and operands.tf > ZERO and is_rough(dialect))
+
+
+def remembers_ts(operands: Any) -> bool:
+    """Tell whether the interval leaves something hidden."""
+    return bool(extended and operands.td_kd > ZERO)
+
+
+def cut(operands: Any, dialect: Any, state: Any, seen: Any, judged: Any, first: int, last: int) -> tuple[int, int]:
+    """Cut a range of ticks down to those that put I_MV right, or MV where I_MV does not depend on them.
+
+    Each is monotone in the interval as long as neither a limit nor a transfer has a part in it; else the range stays.
+    """
+    near, near_terms = step(operands, state, dialect, law_ts(operands, dialect, first))
+    far, far_terms = step(operands, state, dialect, law_ts(operands, dialect, last))
+    flags = near_terms.flags
+    if flags != far_terms.flags or flags & (flag.BUMPLESS | flag.BAD_INPUT) or dialect[FIRST_ASKED] >= 0:
+        return first, last
+    by_i = not same(near.i, far.i)
+    if (
+        by_i
+        and same(state.i, seen[1])
+        and not (is_clear(operands, near_terms, first, last) and is_clear(operands, far_terms, first, last))
+    ):
+        return first, last
+    if not by_i and same(near.mv, far.mv) and same(near_terms.d, far_terms.d):
+        if side(near, near_terms, seen, judged, False):
+            return 1, 0
+        return first, last if remembers_ts(operands) else first
+    wanted = seen[1] if by_i else seen[2]
+    if not (judged[1] if by_i else judged[2]):
+        return first, last
+    sign = ONE
+    if (near.i > far.i) if by_i else (near.mv > far.mv):
+        sign = -ONE
+    start, is_free = reached(operands, dialect, state, first, last + 1, sign, wanted, by_i, flags, False)
+    if not is_free:
+        return first, last
+    beyond, is_free = reached(operands, dialect, state, start, last + 1, sign, wanted, by_i, flags, True)
+    return (start, beyond - 1) if is_free else (first, last)
+
+
+def is_clear(operands: Any, terms: Any, first: int, last: int) -> bool:
+    """Tell whether no tick between two can carry the sum over a limit that neither end passes.
+
+    The sum is a line in the interval, and D over it: between the ends it leaves their chord by a part of D that is at
+    most the square of the relative range.
+    """
+    share = REAL(last - first) / REAL(first)
+    bulge = abs(terms.d) * (share * share) + abs(terms.raw) * REAL(1e-5)
+    return bool(abs(terms.raw - operands.mv_max) > bulge and abs(terms.raw - operands.mv_min) > bulge)
+
+
+def reached(
+    operands: Any,
+    dialect: Any,
+    state: Any,
+    start: int,
+    beyond: int,
+    sign: Any,
+    wanted: Any,
+    by_i: bool,
+    flags: int,
+    is_past: bool,
+) -> tuple[int, bool]:
+    """First tick at which what was wanted is reached, or passed; and whether nothing else had a part on the way."""
+    while start < beyond:
+        middle = (start + beyond) // 2
+        after, terms = step(operands, state, dialect, law_ts(operands, dialect, middle))
+        if terms.flags != flags:
+            return start, False
+        value = after.i if by_i else after.mv
+        if sign * value > sign * wanted or (not is_past and value == wanted):
+            beyond = middle
+        else:
+            start = middle + 1
+    return start, True
+
+
+def is_open(lowest: Any, highest: Any) -> bool:
+    """Tell whether the content is open."""
+    return bool(content(lowest) != content(highest))
+
+
+def place(x: Any) -> int:
+    """Number of a REAL, neighbours differing by one and both zeros 0."""
+    held = np.empty(1, np.float32)
+    held[0] = x
+    pattern = int(held.view(np.int32)[0])
+    return pattern if pattern >= 0 else -(pattern & 0x7FFFFFFF)
+
+
+def real_at(position: int) -> Any:
+    """Inverse of `place`."""
+    held = np.empty(1, np.int32)
+    held[0] = abs(position)
+    x = held.view(np.float32)[0]
+    return -x if position < 0 else x
+
+
+ACCESS = """
+def read(columns, v):
+    {columns} = columns
+    return Inputs({inputs})
+
+def unpacked(rows, e):
+    return State({from_rows})
+
+def pack(state, rows, e):
+    {to_rows}
+
+def with_content(state, x):
+    return State({with_content})
+
+def content(state):
+    return {content}
+
+def words(state, terms):
+    return {words}
+"""
+"""Small functions that know a law's tuples; names are filled in."""
+
+
+def _access(controller: Controller) -> dict[str, Any]:
+    """Make the functions that name the fields of this law's tuples."""
+    fields: tuple[str, ...] = controller.state._fields  # type: ignore[attr-defined]
+    start = controller.state()
+    kinds = {row.attr: row.kind for row in controller.operands}
+    names = controller.input_names
+    as_field = {bool: "rows[e, {0}] != 0.0", int: "int(rows[e, {0}])"}
+    from_rows = [as_field.get(type(value), "REAL(rows[e, {0}])").format(place) for place, value in enumerate(start)]
+    as_input = {Kind.BOOL: "bool({0}[v])", Kind.REAL: "{0}[v]"}
+    known = {word.attr: word for word in controller.seen}
+    shown = [f"{'state' if attr in fields else 'terms'}.{attr}" for attr in ("pv1", "i", "mv", "mout") if attr in known]
+    source = ACCESS.format(
+        columns=", ".join(f"in_{name}" for name in names) + ",",
+        inputs=", ".join(as_input.get(kinds[name], "int({0}[v])").format(f"in_{name}") for name in names),
+        from_rows=", ".join(from_rows),
+        to_rows="; ".join(f"rows[e, {place}] = state.{name}" for place, name in enumerate(fields)),
+        with_content=", ".join("x" if name == "d" else f"state.{name}" for name in fields),
+        content="state.d" if "d" in fields else "REAL(0)",
+        words=", ".join(shown),
+    )
+    scope: dict[str, Any] = {"Inputs": controller.inputs, "State": controller.state, "REAL": REAL}
+    exec(compile(source, "<made from a law's tuples>", "exec"), scope)
+    made = {name: scope[name] for name in ("read", "unpacked", "pack", "with_content", "content", "words")}
+    at = {f"{name}_at": fields.index(field) if field in fields else -1 for name, field in PLACES.items()}
+    return {**made, **at, "extended": "d" in fields}
+
+
+PLACES = {"content": "d", "cross": "cross", "i": "i"}
+
+
+_SIEVES: dict[Any, Callable[..., Any]] = {}
+
+
+def sieve(controller: Controller, compiled: bool) -> Callable[..., Any]:
+    """Return `sift` for the law of one controller, compiled or interpreted; made once."""
+    key = (controller.name, controller.step, compiled)
+    if key not in _SIEVES:
+        accessors = _access(controller)
+        if compiled:
+            accessors = {n: njit(is_inner=True)(made) if callable(made) else made for n, made in accessors.items()}
+        maker = Maker(compiled=compiled, asking=True, names=accessors)
+        laws = {"step": controller.step, "law_ts": controller.law_ts, "nominal_ts": controller.nominal_ts}
+        for name, law in laws.items():
+            maker.give(name, maker.function(law))
+        _SIEVES[key] = maker.function(sift, is_inner=False)
+    return _SIEVES[key]
