@@ -10,7 +10,6 @@ from ahgateway.core.controllers import Controller
 from ahgateway.core.dialect import AXES, Dialect
 from ahgateway.core.real import REAL
 
-
 NOT_DRAWN = {("ts_unit", 3), ("pv_word", 6), ("pv_word", 7), ("pv_word", 8), ("pv_word", 9)}
 
 

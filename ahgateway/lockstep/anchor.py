@@ -23,8 +23,8 @@ from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import Bound, Shadow, merged, recalled
 from ahgateway.lockstep.thinning import first_plain, is_plain
 
-ROUNDING = 2.0**-19
-"""32 ULP of everything that was added: more than any order of the sum can lose."""
+ROUNDING = 2.0**-21
+"""8 roundings of everything that was added: two of P, three sums and two products are the most that any order has."""
 
 OPEN_MIN = 1e20
 """An end of a bound beyond this was never seen in words, it is the edge of what is thinkable."""

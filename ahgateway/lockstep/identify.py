@@ -47,6 +47,9 @@ MANY = 64
 FAST_FROM = 1500
 """Traces of so many executions are worth the seconds that it takes to compile the law."""
 
+FAST_FROM_FILTERED = 20
+"""The same for a law with a filter, whose content may have to be followed value by value, thousands of them."""
+
 
 @dataclass(frozen=True, slots=True)
 class Unexplained:
@@ -130,7 +133,8 @@ def identify(
     if starts is None and not any(begun):
         return replace(_result(candidates, has_kc), is_crowded=True)
     if compiled is None:
-        compiled = len(pairs) >= FAST_FROM and find_spec("numba") is not None
+        is_filtered = any(getattr(before.inputs, "tf", 0) > 0 for before, _ in pairs)
+        compiled = len(pairs) >= (FAST_FROM_FILTERED if is_filtered else FAST_FROM) and find_spec("numba") is not None
     carrier = Carrier(loop, pairs, columns(loop, observations), compiled=compiled)
     at = first_anchor(replace(loop, dialect=dialect_of(begun[0])), pairs, [each.is_next for each in observations])
     for candidate in candidates:
