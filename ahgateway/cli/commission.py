@@ -178,7 +178,7 @@ def _opening(station: Station) -> tuple[Clock, Callable[[Tap | None], Callable[[
 
         def tapped(tap: Tap | None) -> Callable[[Station], Any]:
             async def opened(variant: Station) -> Link:
-                return open_link(parse_uri(variant.target), wall, variant.pacing, tap)
+                return open_link(parse_uri(variant.target), wall, variant.pacing, tap, can=variant.can)
 
             return opened
 

@@ -10,6 +10,8 @@ from typing import Any
 import pytest
 from conformance.peers import SERVER, serial_pair
 from conformance.test_serial import SettingsServer
+from transports.can.can_bench import fake_plc, served, target
+from transports.can.can_bench import station as can_station
 
 from ahgateway.apps.commission.checks import Check, Outcome
 from ahgateway.apps.commission.link import Found, Patience, amended, find
@@ -232,3 +234,20 @@ async def test_nothing_there_is_said_within_the_time_stated() -> None:
     assert clock.now_ns() - begun_ns < 5 * SECOND
     assert "nothing answers; " in checks[0].text
     assert "ways tried: modbus+tcp://127.0.0.1:9 unit 1, modbus+tcp://127.0.0.1:9 unit 2" in checks[0].text
+
+
+async def test_step_1_over_canopen_asks_for_objects_and_finds_the_node() -> None:
+    text = target()
+    plc_on_bus = fake_plc()
+    real = can_station(text)
+    clock = WallClock()
+
+    async def opened(variant: Station) -> Link:
+        return open_link(parse_uri(variant.target), clock, variant.pacing, can=variant.can)
+
+    async with served(text, plc_on_bus):
+        found, checks = await find(real, real.loops[0], opened, clock, ports=(), patience=Patience(5 * SECOND, 0))
+    assert found is not None, checks[0].text
+    by_name = {check.name: check for check in checks}
+    assert set() == failed(by_name) - {"slow-link"}
+    assert "SDO reads each object by itself" == by_name["short-requests"].text
