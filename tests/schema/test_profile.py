@@ -252,7 +252,7 @@ def test_a_profile_is_found_by_path_or_by_the_name_of_an_example(tmp_path) -> No
         profile.load("demoo")
     assert caught.value.message == (
         "`demoo` is no file and no shipped name; shipped examples: can, demo, live_bench, melsec_pid, pid_reg_ce, "
-        "pid_temp, single"
+        "pid_temp, recorded, single"
     )
     assert caught.value.hint == "did you mean `demo`?"
 
