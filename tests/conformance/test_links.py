@@ -32,7 +32,7 @@ class Bench(NamedTuple):
 @pytest.fixture(params=["memory", "tcp", "tcp-pipelined", "rtu", "ascii", "rtu-serial", "ascii-serial"])
 async def bench(request: pytest.FixtureRequest) -> AsyncIterator[Bench]:
     plc, frames = TinyPlc(), list[Frame]()
-    timeout_ms = 250 if request.param.endswith("-serial") else 60  # threads on a busy machine
+    timeout_ms = 400  # a busy machine answers late, and only the unit that is not there waits so long
     pacing = Pacing(reply_timeout_ms=timeout_ms, requests_in_flight_max=4 if request.param == "tcp-pipelined" else 1)
     if request.param == "memory":
         yield Bench(

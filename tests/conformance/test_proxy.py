@@ -28,7 +28,7 @@ from ahgateway.transports.server import serve_tcp
 from ahgateway.transports.tcp import TcpLink
 from ahgateway.transports.uri import parse_uri
 
-FAST = Pacing(reply_timeout_ms=60)
+FAST = Pacing(reply_timeout_ms=150)
 SCHEMES = {"tcp": "modbus+tcp", "rtu": "modbus+rtu+tcp", "ascii": "modbus+ascii+tcp"}
 
 
