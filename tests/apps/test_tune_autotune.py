@@ -15,7 +15,10 @@ from ahgateway.apps.tune_session import Gains, Session
 from ahgateway.apps.tune_sitting import Envelope
 from ahgateway.codec.access import Read, Table
 from ahgateway.codec.station import PlantSpec, WriteLimit
+from ahgateway.core.controllers import CONTROLLERS
 from ahgateway.errors import StateError
+from ahgateway.lockstep.gate.session import Session as State
+from ahgateway.lockstep.gate.session import decide
 from ahgateway.lockstep.picture import Sampler
 from ahgateway.tuning.findings import Weight
 from ahgateway.tuning.models import Kind as Process
@@ -184,3 +187,14 @@ async def test_a_cancelled_task_in_the_middle_puts_back(tmp_path):
     with pytest.raises(asyncio.CancelledError):
         await made.run(Wanted(Kind.AUTOTUNE))
     assert before == world.holds(*HELD)
+
+
+def test_pid_mode_goes_back_before_the_gains_wherever_it_stands():
+    """A tuner that still runs would write its gains behind ours."""
+    roles = CONTROLLERS["DPIDE"].roles
+    found = {"Kc_Kp": (0, 1), "PID_MODE": (0, 0), "PID_MAN": (0,), "MOUT": (0, 0), "MOUT_AUTO": (0,), "PID_RUN": (1,)}
+    session = State("L1", found)
+    session.intend("PID_MODE", (0, 0), (1, 0))
+    decision = decide(session, roles, found | {"Kc_Kp": (7, 7), "PID_MODE": (1, 0)})
+    assert [{"PID_MODE": (0, 0)}, {"Kc_Kp": (0, 1)}] == [dict(stage) for stage in decision.stages]
+    assert () == decision.conflicts
