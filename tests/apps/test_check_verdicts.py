@@ -153,9 +153,11 @@ def delta_faults(instruction: str) -> list[str]:
 def test_every_wrong_controller_is_caught_by_a_shipped_scenario(instruction: str, fault: str) -> None:
     name, until_s = CAUGHT_BY.get(fault, ("setpoint-step", 2.0))
     wanted = load(library() / instruction / f"{name}.toml")
-    short = replace(wanted, duration_s=until_s, expect=wanted.expect.model_copy(update={"response": []}))
+    short = replace(wanted, expect=wanted.expect.model_copy(update={"response": []}))
+    # Each further conviction costs the search for its cause: most are wrong at once, and no more is asked of them.
+    verdicts = (ran(replace(short, duration_s=s), replace(BENCH, fault=fault)).verdict for s in (0.3, until_s))
 
-    assert Verdict.FAIL is ran(short, replace(BENCH, fault=fault)).verdict
+    assert Verdict.FAIL in verdicts
 
 
 def test_another_dialect_is_a_failure_and_another_fingerprint() -> None:

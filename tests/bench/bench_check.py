@@ -1,6 +1,6 @@
 """The shipped scenarios proven: the whole library, every wrong controller and every dialect, simulated ÷ wall time.
 
-python tests/bench/bench_check.py [library|mutants|dialects|speed]
+python tests/bench/bench_check.py [library|wires|mutants|dialects|speed]
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from ahgateway.apps.check.expect import judged
 from ahgateway.apps.check.result import State
 from ahgateway.apps.check.run import Bench, run
 from ahgateway.apps.check.suite import results
+from ahgateway.apps.check.wires import WIRES
 from ahgateway.clock import MILLISECOND, SECOND, WallClock
 from ahgateway.codec.station import Station
 from ahgateway.core.dialect import AXES
@@ -43,6 +44,20 @@ async def whole() -> None:
         say(f"{result.name:26} {result.verdict.value:12} {result.wall_s:5.2f} s  {result.reason[:90]}")
     took_s = (WALL.now_ns() - begun_ns) / SECOND
     say(f"{count} scenarios, {simulated_s:.0f} s simulated in {took_s:.1f} s")
+
+
+async def wires() -> None:
+    """The conformance library over each wire: the same words as in memory."""
+    scenarios = collected(["conformance"])
+    here = {each.name: (await run(each, bench(), 1, WALL)).digests for each in scenarios}
+    for name, wire in WIRES.items():
+        begun_ns, differing = WALL.now_ns(), []
+        for scenario in scenarios:
+            seen = await run(scenario, replace(bench(), wire=wire), 1, WALL)
+            if seen.digests != here[scenario.name] or seen.troubles:
+                differing.append(scenario.name)
+        took_s = (WALL.now_ns() - begun_ns) / SECOND
+        say(f"{name:6} {len(scenarios)} scenarios in {took_s:.1f} s, {len(differing)} differ {', '.join(differing)}")
 
 
 async def mutants() -> None:
@@ -119,7 +134,7 @@ async def speed() -> None:
         say(f"scan {scan_ms:3} ms: {seen.simulated_s / took_s:6.0f} times real time, {seen.counts.informative} proven")
 
 
-WHAT = {"library": whole, "mutants": mutants, "dialects": dialects, "speed": speed}
+WHAT = {"library": whole, "wires": wires, "mutants": mutants, "dialects": dialects, "speed": speed}
 
 
 def main() -> None:

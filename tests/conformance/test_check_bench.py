@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import signal
 import subprocess
@@ -31,19 +32,19 @@ AHGATEWAY = [sys.executable, "-m", "ahgateway.cli.main"]
 STEP = """
 title = "A step in real time"
 instruction = "DPIDE"
-duration = 5.0
+duration = 7.0
 plant = { kind = "fopdt", gain = 1.2, tau_s = 1.0, dead_time_s = 0.1, bias = 10.0, noise = 0.02, initial = 50.0 }
-initial = { SV = 50.0, CYCLE = 400, Kc_Kp = 0.5, Ti_Ki = 0.6 }
+initial = { SV = 50.0, CYCLE = 1000, Kc_Kp = 0.4, Ti_Ki = 0.2 }
 
 [[step]]
-at = 2.5
+at = 3.0
 set = { SV = 60.0 }
 
 [expect]
 clamps = true
 
 [[expect.response]]
-after = 2.5
+after = 3.0
 direction = "up"
 always = "PV < 80"
 """
@@ -51,6 +52,16 @@ always = "PV < 80"
 
 def ahgateway(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*AHGATEWAY, *arguments], capture_output=True, text=True, timeout=60.0, check=False)
+
+
+AS_FOUND = ("33.0", "30.0", "500", "1.25")
+
+
+def standing(target: str) -> tuple[str, ...]:
+    """SV, PV, CYCLE and Kc_Kp as they stand in the PLC."""
+    left = ahgateway("read", "live_bench", "--target", target, "--loop", "DPIDE")
+    found = {line.split()[1]: line.split()[3] for line in left.stdout.splitlines() if len(line.split()) > 3}
+    return tuple(found[name] for name in ("SV", "PV", "CYCLE", "Kc_Kp"))
 
 
 @pytest.fixture
@@ -77,10 +88,28 @@ def test_a_bench_behind_a_socket_is_driven_and_put_back(bench_plc: str, tmp_path
     told = [json.loads(line) for line in done.stdout.splitlines()]
     assert ["bench", "scenario", "run"] == [each["kind"] for each in told], done.stdout + done.stderr
     assert ("pass", 0, 0) == (told[1]["verdict"], told[2]["exit"], done.returncode), done.stdout + done.stderr
-    assert 20 <= told[1]["pace"]["steps"] <= 27
-    left = ahgateway("read", "live_bench", "--target", bench_plc, "--loop", "DPIDE")
-    found = {line.split()[1]: line.split()[3] for line in left.stdout.splitlines() if len(line.split()) > 3}
-    assert ("33.0", "30.0", "500", "1.25") == tuple(found[name] for name in ("SV", "PV", "CYCLE", "Kc_Kp"))
+    assert 10 <= told[1]["pace"]["steps"] <= 15
+    assert AS_FOUND == standing(bench_plc)
+
+
+def test_a_run_killed_in_the_middle_is_put_back_by_the_journal(bench_plc: str, tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "step.toml").write_text(STEP)
+    asked = ["live_bench", "--target", bench_plc]
+    command = [*AHGATEWAY, "check", str(tmp_path / "mine"), "--profile", *asked, "--arm", "--directory", str(tmp_path)]
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    for _ in range(600):
+        journals = list(tmp_path.glob("*.jsonl"))
+        if journals and '"why": "check: begin"' in journals[0].read_text():
+            break
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(timeout=0.05)
+    process.kill()
+    process.communicate(timeout=20)
+
+    assert AS_FOUND != standing(bench_plc)
+    restored = ahgateway("write", *asked, "--arm", "DPIDE", "--restore", "--directory", str(tmp_path))
+    assert (0, AS_FOUND) == (restored.returncode, standing(bench_plc)), restored.stdout + restored.stderr
 
 
 async def test_a_bench_on_a_serial_line_is_driven_and_put_back(tmp_path: Path) -> None:

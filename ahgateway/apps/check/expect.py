@@ -14,9 +14,10 @@ from typing import Any
 
 from ahgateway.apps.check.result import Outcome, State
 from ahgateway.apps.check.watch import Moment, Seen
+from ahgateway.clock import SECOND
 from ahgateway.core.real import same_bits
 from ahgateway.core.verdict import Exit, Proof, Verdict, outcome, reason
-from ahgateway.lockstep.follow import computes
+from ahgateway.lockstep.follow import computes, cycle_ns
 from ahgateway.schema.formula import holds
 from ahgateway.schema.scenario import ExpectForm, ResponseForm, Scenario
 
@@ -197,13 +198,18 @@ def _response(name: str, window: ResponseForm, seen: Seen, duration_s: float) ->
     inside = [each for each in seen.moments if window.after <= each.t_s <= end_s]
     earlier = [each for each in seen.moments if each.t_s < window.after]
     asked = [key for key in FIGURES if getattr(window, key) is not None]
-    if not inside or inside[-1].t_s < end_s - 0.1 * (end_s - window.after):
+    if not inside or inside[-1].t_s < end_s - _unseen_max_s(seen, window.after, end_s):
         for key in asked:
             yield Outcome(f"{name}.{key.rstrip('_')}", State.UNKNOWN, "the window was not seen to its end")
         return
     first = earlier[-1] if earlier else inside[0]
     for key in asked:
         yield FIGURES[key](f"{name}.{key.rstrip('_')}", window, first, inside)
+
+
+def _unseen_max_s(seen: Seen, after_s: float, end_s: float) -> float:
+    """How much of a window's end may be missing: a tenth, or the CYCLE in which the next picture would have come."""
+    return max(0.1 * (end_s - after_s), cycle_ns(seen.loop, seen.moments[-1].picture) / SECOND)
 
 
 def _step_of(first: Moment, inside: Sequence[Moment]) -> float:

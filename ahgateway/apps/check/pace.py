@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from ahgateway.clock import MILLISECOND
 
 LATE_SHARE_MAX = 0.02
-"""More steps late than this, and the bench is too slow to say anything of the product."""
+"""More steps late than this, and more than one: the bench is too slow to say anything of the product."""
 
 
 class Pace:
@@ -63,7 +63,7 @@ class Pace:
     @property
     def is_kept(self) -> bool:
         """Tell whether few enough were late."""
-        return self._late <= LATE_SHARE_MAX * max(1, self.steps + self._late)
+        return self._late <= max(1.0, LATE_SHARE_MAX * (self.steps + self._late))
 
     def figures(self) -> Mapping[str, float]:
         """Return the figures, times in ms."""
