@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ahgateway.apps.monitor import Report, Sample
 from ahgateway.codec.station import Loop, Station
+from ahgateway.core.dialect import PvWord
 from ahgateway.core.dialect_axes import BY_NAME, value_name
 from ahgateway.core.verdict import Exit
 from ahgateway.lockstep.identify import Identification, identify, observed
 from ahgateway.lockstep.picture import Picture
+from ahgateway.lockstep.words import Followed, followed, pv_placed
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,11 +24,13 @@ class Learned:
         loop: The loop as the profile has it.
         found: The outcome of the elimination.
         pictures: How many pictures there were.
+        words: Double words of I_MV that follow a quantity, with the evidence.
     """
 
     loop: Loop
     found: Identification
     pictures: int
+    words: tuple[Followed, ...] = ()
 
     @property
     def exit(self) -> Exit:
@@ -37,11 +41,14 @@ class Learned:
 
     def decided(self) -> dict[str, str]:
         """Axes of this instruction that are decided, as a profile spells them."""
-        return {
+        found = {
             name: value_name(name, value)
             for name, value in self.found.decided().items()
             if BY_NAME[name].concerns(self.loop.controller.name)
         }
+        if any(each.quantity == "PV" for each in self.words):
+            found["pv_word"] = value_name("pv_word", self.loop.dialect.pv_word)
+        return found
 
     def open(self) -> list[tuple[str, list[str], str]]:
         """Axes left open: name, values that remain, and what an operator can do to tell them apart."""
@@ -49,7 +56,7 @@ class Learned:
         return [
             (axis.name, [value_name(axis.name, value) for value in self.found.values[axis.name]], axis.excitation)
             for axis in self.found.open_axes(self.loop.controller.name)
-            if axis.name not in decided
+            if axis.name not in decided and axis.name not in self.decided()
         ]
 
 
@@ -66,7 +73,15 @@ def learn(station: Station, pictures: Mapping[str, list[Picture]], names: Iterab
     """Learn every loop's dialect, or that of the named loops; only Delta's laws have one."""
     wanted = set(names)
     return [
-        Learned(loop, identify(loop, observed(pictures.get(loop.name, []), loop)), len(pictures.get(loop.name, [])))
+        _learned(loop, pictures.get(loop.name, []))
         for loop in station.loops
         if loop.controller.law_ts is not None and (not wanted or loop.name in wanted)
     ]
+
+
+def _learned(loop: Loop, pictures: list[Picture]) -> Learned:
+    """Find the word of PV first: what an execution read is taken from there."""
+    # What the profile says of that word may be another firmware's.
+    loop = replace(loop, dialect=loop.dialect._replace(pv_word=PvWord.MANUAL))
+    placed, shown = pv_placed(loop, pictures)
+    return Learned(placed, identify(placed, observed(shown, placed)), len(pictures), followed(placed, shown))

@@ -131,6 +131,10 @@ def _object(each: Learned) -> dict[str, Any]:
         "exit": each.exit.name.lower(),
         "decided": each.decided() if found.is_named else {},
         "open": [{"axis": name, "values": values, "try": tip} for name, values, tip in each.open()],
+        "words": [
+            {"dword": word.dword, "follows": word.quantity, "agreed": word.agreed, "changes": word.changes}
+            for word in each.words
+        ],
         "unexplained": None,
     }
     if found.unexplained is not None:
@@ -158,6 +162,9 @@ def _text(each: Learned) -> str:
         )
     lines = [f"{head}: {found.executions} executions explained by bits, {found.informative} of them informative"]
     lines += [f"  {name} = {value}" for name, value in each.decided().items()]
+    lines += [
+        f"  I_MV+{word.dword} follows {word.quantity}: {word.agreed} of {word.changes} changes" for word in each.words
+    ]
     if found.is_cut:
         lines.append(f"  the search ran out of steps behind {found.executions} executions{_about_filter(each)}")
     if each.open():
