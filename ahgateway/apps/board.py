@@ -111,7 +111,7 @@ class Board:
         picture = watch.follower.picture
         if picture is None:
             return Freshness(None, True)
-        age_ns = self.clock.now_ns() - picture.last_ns
+        age_ns = max(0, self.clock.now_ns() - picture.last_ns)
         limit_ns = max(STALE_NS, STALE_POLLS * watch.poll_ns(self.monitor.station))
         return Freshness(age_ns, age_ns > limit_ns)
 

@@ -79,7 +79,7 @@ def status_line(follower: Follower, utc_ns: int, now_ns: int, way: Way | None = 
         return f"{clock_time(utc_ns)} {name} no picture yet"
     counts = follower.summary()
     verdict = verdict_now(follower)
-    age_s = (now_ns - picture.last_ns) / SECOND
+    age_s = max(0, now_ns - picture.last_ns) / SECOND  # a recorder's clock may be a little before ours
     return (
         f"{clock_time(utc_ns)} {name} {verdict.value if verdict else 'WAITING'} "
         f"SV {shown(target_of(loop, picture))} PV {shown(process_value_of(loop, picture))} "
