@@ -51,11 +51,11 @@ class MonitorApp(App[None]):
     ENABLE_COMMAND_PALETTE = False
     CSS = """
     Screen { overflow: hidden; }
-    #status { height: 1; background: $panel; }
+    #status { height: 1; background: $panel; overflow: hidden; }
     TabbedContent { height: 1fr; }
     TabbedContent > ContentSwitcher { height: 1fr; }
     TabPane { height: 1fr; padding: 0 1; }
-    #loop-head { height: 1; }
+    #loop-head { height: 1; overflow: hidden; }
     #loop-left { width: 1fr; }
     #loop-right { width: 68; padding-left: 2; }
     #terms, #health, #operands { margin-top: 1; }

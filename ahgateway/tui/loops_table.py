@@ -78,7 +78,7 @@ class Rows(LinesPanel):
 class LoopsTable(Vertical):
     """The first screen."""
 
-    DEFAULT_CSS = "LoopsTable #loops-head { height: 1; }"
+    DEFAULT_CSS = "LoopsTable #loops-head { height: 1; overflow: hidden; }"
 
     class Opened(Message):
         """A loop's page is wanted."""

@@ -163,3 +163,32 @@ async def test_dark_and_light_follow_the_desktop_and_the_button(run, browser):
     assert grounds["dark"] != grounds["light"]
     assert grounds["dark"][0] == turned
     assert "#171e26" == grounds["dark"][1]
+
+
+async def test_the_wheel_zooms_a_drag_pans_and_live_comes_back(run, browser):
+    async with page(run) as url:
+        await browser.open(f"{url}#loop=TIC-101")
+        await browser.until(READY)
+        middle = await browser.ask(
+            "(box => [box.x + box.width / 2, box.y + 150])(document.querySelector('#trend').getBoundingClientRect())"
+        )
+        place = {"x": middle[0], "y": middle[1]}
+        wide = await browser.ask("ahgateway.trend.times.end - ahgateway.trend.times.start")
+        await browser.do("Input.dispatchMouseEvent", type="mouseMoved", **place)
+        await browser.do("Input.dispatchMouseEvent", type="mouseWheel", deltaX=0, deltaY=-400, **place)
+        await browser.until(f"ahgateway.trend.times.end - ahgateway.trend.times.start < 0.8 * {wide}")
+        assert not await browser.ask("ahgateway.trend.isLive")
+        start = await browser.ask("ahgateway.trend.times.start")
+        await browser.do("Input.dispatchMouseEvent", type="mousePressed", button="left", clickCount=1, **place)
+        for step in (20, 60, 120):
+            await browser.do(
+                "Input.dispatchMouseEvent", type="mouseMoved", button="left", buttons=1, x=middle[0] + step, y=middle[1]
+            )
+        await browser.do(
+            "Input.dispatchMouseEvent", type="mouseReleased", button="left", x=middle[0] + 120, y=middle[1]
+        )
+        await browser.until(f"ahgateway.trend.times.start < {start}")
+        await browser.ask("document.querySelector('#live').click(), 1")
+        await browser.until("ahgateway.trend.isLive")
+        again = await browser.ask("ahgateway.trend.times.end - ahgateway.trend.times.start")
+    assert wide == pytest.approx(again, rel=1e-6)

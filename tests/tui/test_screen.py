@@ -185,6 +185,18 @@ async def test_a_narrow_terminal_keeps_trend_and_verdict_in_sight(world):
     assert all(len(line) <= 80 for line in lines)
 
 
+async def test_a_narrow_terminal_keeps_every_head_in_sight(world):
+    async with world.app().run_test(size=(60, 24)) as pilot:
+        pilot.app.redraw()
+        await pilot.pause()
+        lines = text_of(pilot.app)
+        assert line_with(lines, "verdict").split()[:2] == ["loop", "verdict"]
+        assert lines[0].startswith("Demo  │  2 loops")
+        await pilot.press("2")
+        await pilot.pause()
+        assert "TIC-101  DPIDE" in "\n".join(text_of(pilot.app))
+
+
 async def test_without_braille_the_trend_is_plain_ascii(world):
     async with world.app().run_test(size=WIDE) as pilot:
         await pilot.press("2", "a")
