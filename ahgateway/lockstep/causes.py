@@ -91,6 +91,9 @@ class _Case:
             with quiet(all="ignore"):
                 state, terms = other.controller.step(self.fit.inputs, self.fit.before.low, other.dialect, span)
             return self.reproduces(predicted(self.controller, state, terms))
+        if other.controller.seen != self.controller.seen:
+            # Another place for a word was not read as such: nothing can be said of it.
+            return False
         return bool(explain(other, (self.fit.before,), [self.fit.inputs], self.seen, self.names).fits)
 
 
