@@ -194,7 +194,8 @@ def _integrals(loop: Loop, plain: Plain, has_kc: bool) -> list[dict[str, int]]:
 
     A finer clock explains whatever a coarser one explains, so that it counts only where that fails.
     """
-    integrating = plain.rows((plain.k > 0) & ((plain.kc > 0) | ~plain.dependent))
+    # Where I_MV stood, a limit that MV does not show may have held it: that says nothing of how it is computed.
+    integrating = plain.rows((plain.k > 0) & ((plain.kc > 0) | ~plain.dependent) & (plain.i1 != plain.i0))
     if len(integrating.inputs) < PLAIN_MIN:
         return []
     for source in TsSource:
