@@ -20,8 +20,8 @@ from ahgateway.codec.ways import Each, Way
         (Way.STEPPED, Each.CALL, "DPIDE", 5000, 0.98),
         (Way.RECORDED, Each.CALL, "DPID", 5000, 0.98),
         (Way.RECORDED, Each.CALL, "DPIDE", 5000, 0.98),
-        (Way.COUNTED, Each.SCAN, "DPID", 8500, 0.1),
-        (Way.COUNTED, Each.SCAN, "DPIDE", 1500, 0.02),
+        (Way.COUNTED, Each.SCAN, "DPID", 9000, 0.1),
+        (Way.COUNTED, Each.SCAN, "DPIDE", 1000, 0.02),
     ],
 )
 async def test_executions_without_a_fault_convict_nobody(
