@@ -16,6 +16,7 @@ from typing import Any
 from ahgateway.codec.station import Loop
 from ahgateway.core.controllers import Controller
 from ahgateway.core.dialect import AXES
+from ahgateway.core.dialect_axes import BY_NAME
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits, ulp_distance
 from ahgateway.lockstep.estimate import Size, sized
@@ -101,7 +102,7 @@ def blame(loop: Loop, fit: Fit, before: Picture, after: Picture) -> Blame:
     """Say which term left first, and what reproduces what the PLC wrote."""
     case = _Case(loop, fit, before, after, judged_names(loop))
     suspects = [suspect for hypothesis in HYPOTHESES for suspect in hypothesis(case)]
-    if all(suspect.twist is None for suspect in suspects):
+    if is_settled(fit.before) and all(suspect.twist is None for suspect in suspects):
         suspects.extend(_two_axes(case))
     if not suspects:
         suspects = [Suspect("unknown", "no single change of an operand, mode or dialect reproduces what the PLC wrote")]
@@ -190,9 +191,11 @@ def _pv_names(case: _Case) -> set[str]:
 def _other_dialect(case: _Case) -> list[Suspect]:
     """The law under another value of one axis."""
     found = []
+    # From a state that is open each value costs a search, and only a transfer is worth it: its integral hides nothing.
+    is_open = not is_settled(case.fit.before)
     for axis, values in AXES.items():
         for value in values:
-            if value == getattr(case.loop.dialect, axis):
+            if value == getattr(case.loop.dialect, axis) or (is_open and BY_NAME[axis].group != "transfer"):
                 continue
             other: Any = {axis: value}
             if case.holds(in_dialect(**other)):

@@ -50,6 +50,9 @@ ROUGH_ULP = 1024
 SETTLED_ULP = 1 << 16
 """A bound this narrow is as good as one state when it comes to causes; a fresh one spans all REALs."""
 
+UNBOUNDED = 1e20
+"""No loop holds such a value."""
+
 CHANGED_MAX = 4
 """Up to this many operands changed in one interval, every order of their writes and the execution is tried."""
 
@@ -548,16 +551,27 @@ def began_anew(loop: Loop, before: Picture, after: Picture) -> bool:
     return bool(explain(loop, fresh, variants, after.seen, judged_names(loop)).fits)
 
 
+def is_unbounded(bound: Bound) -> bool:
+    """Tell whether an end of a bound was never seen in words: it is the edge of what is thinkable."""
+    attr = open_attr(bound)
+    return attr is not None and max(abs(float(getattr(end, attr))) for end in bound) > UNBOUNDED
+
+
 def is_roughly_bounded(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
     """Tell whether a miss says nothing, because the ends of an open bound need not enclose the truth.
 
-    So it is where a limit sets the integral from D, which bisection does not follow, and in a filter that rounding
-    makes not quite monotone, when I_MV and MV are missed by little.
+    So it is at a limit and in a transfer, where what bisection follows stands still or jumps while D is open, and in a
+    filter that rounding makes not quite monotone, when I_MV and MV are missed by little.
     """
     if fit.before.is_point or loop.controller.law_ts is None:
         return False
-    is_at_limit = bool(fit.terms.flags & (flag.FREEZE_HI | flag.FREEZE_LO))
-    if is_at_limit and loop.dialect.freeze == Freeze.BACK_CALCULATED and not is_settled(fit.before):
+    read = fit.inputs
+    is_at_limit = any(same_bits(seen["MV"], edge) for edge in (read.mv_min, read.mv_max))
+    is_transfer = bool(fit.before.low.man1 and not read.pid_man)
+    if (is_at_limit or is_transfer) and is_unbounded(fit.before):
+        return True
+    is_at_limit |= bool(fit.terms.flags & (flag.FREEZE_HI | flag.FREEZE_LO))
+    if is_at_limit and loop.dialect.freeze == Freeze.BACK_CALCULATED:
         return True
     if not is_loose(loop):
         return False

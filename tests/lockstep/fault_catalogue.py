@@ -11,7 +11,9 @@ from typing import Any
 
 from dialects import random_dialect
 from lockstep.bench_world import World
+from lockstep.ways_world import ground
 
+from ahgateway.codec.ways import Way
 from ahgateway.core.real import bits, quiet
 from ahgateway.fake.faults import FAULTS
 from ahgateway.lockstep.cause_classes import class_of
@@ -20,6 +22,8 @@ from ahgateway.lockstep.suspects import Suspect
 
 WELL = 120
 WRONG = 240
+LOOKS = 4
+"""Looks at the PLC that one look of a way other than polling stands for: it sees at least one execution each."""
 SCHEDULES = ("first_call", "run_on", "run_off_scan", "en_off_time", "schedule", "ts_source")
 
 GAINS: dict[str, dict[str, Any]] = {
@@ -87,7 +91,7 @@ def is_right(name: str, suspects: tuple[Suspect, ...]) -> bool:
     return bool(suspects) and label(suspects[0]) in allowed
 
 
-async def tried(name: str, law: str, dialect: int, seed: int, poll_ms: int = 25) -> Trial:
+async def tried(name: str, law: str, dialect: int, seed: int, way: Way = Way.POLLED) -> Trial:
     """Run one fault on one loop."""
     chosen = random_dialect(dialect, share=(dialect % 4) / 4, without=SCHEDULES)
     chance = random.Random(f"catalogue {name} {law} {dialect} {seed}")
@@ -95,10 +99,11 @@ async def tried(name: str, law: str, dialect: int, seed: int, poll_ms: int = 25)
     if law == "DPIDE":
         gains |= {"PID_EQ": chance.random() < 0.3, "PID_DE": chance.random() < 0.3}
         gains["Ti_Ki"] = 1.0 / gains["Ti_Ki"] if gains["PID_EQ"] else gains["Ti_Ki"]
-    world = World(law, gains, seed=seed, poll_ms=poll_ms, loop_changes={"dialect": chosen})
+    world = ground(way, law, gains, seed=seed, loop_changes={"dialect": chosen})
+    looks = 1 if way is Way.POLLED else LOOKS
     world.plc.write("L1", "SV", 52.0)
-    for poll in range(WELL):
-        if poll == WELL // 2:
+    for poll in range(WELL // looks):
+        if poll == WELL // looks // 2:
             world.plc.write("L1", "SV", 48.0)
         await world.poll()
     false = world.follower.counts.diverged
@@ -106,8 +111,8 @@ async def tried(name: str, law: str, dialect: int, seed: int, poll_ms: int = 25)
     world.plc.fail("L1", name)
     stir: dict[int, list[tuple[str, Any]]] = {}
     for poll, operand, value in STIR.get(name, [(10, "SV", 55.0), (120, "SV", 47.0)]):
-        stir.setdefault(poll, []).append((operand, value))
-    for poll in range(WRONG):
+        stir.setdefault(poll // looks, []).append((operand, value))
+    for poll in range(WRONG // looks):
         for operand, value in stir.get(poll, []):
             world.plc.write("L1", operand, value)
         await world.poll()

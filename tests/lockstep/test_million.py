@@ -36,6 +36,15 @@ def test_half_a_million_recorded_executions_convict_nobody(law: str, seed: int) 
     assert counts.proven >= 0.9 * (counts.compared + counts.unobservable)
 
 
+@pytest.mark.parametrize("seed", [165, 174, 183, 190])
+def test_an_open_filter_at_a_limit_or_in_a_transfer_convicts_nobody(seed: int) -> None:
+    dialect = random_dialect(seed, share=(seed % 4 + 1) / 4, without=("ts_source",))
+    counts = recorded("DPIDE", dialect, 1500, seed)
+
+    assert counts.diverged == 0
+    assert counts.proven > 1000
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("law", ["DPID", "DPIDE"])
 def test_half_a_million_executions_walked_in_bulk_are_all_reproduced(law: str) -> None:
