@@ -24,7 +24,7 @@ from ahgateway.codec.station import Const, Loop
 from ahgateway.core import flags as flag
 from ahgateway.core.controllers.delta_terms import is_rough
 from ahgateway.core.controllers.dpide import D_BOUND
-from ahgateway.core.dialect import Clamped, CrossBand, CrossScan, Freeze, Limits, ManualFilter
+from ahgateway.core.dialect import Clamped, CrossBand, CrossScan, FilterContent, Freeze, Limits, ManualFilter
 from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits
 from ahgateway.lockstep.interval import intervals
 from ahgateway.lockstep.picture import Picture, predicted
@@ -568,7 +568,8 @@ def is_roughly_bounded(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
     read = fit.inputs
     is_at_limit = any(same_bits(seen["MV"], edge) for edge in (read.mv_min, read.mv_max))
     is_transfer = bool(fit.before.low.man1 and not read.pid_man)
-    if (is_at_limit or is_transfer) and is_unbounded(fit.before):
+    is_of_input = loop.dialect.filter_content == FilterContent.INPUT
+    if (is_at_limit or is_transfer or is_of_input) and is_unbounded(fit.before):
         return True
     is_at_limit |= bool(fit.terms.flags & (flag.FREEZE_HI | flag.FREEZE_LO))
     if is_at_limit and loop.dialect.freeze == Freeze.BACK_CALCULATED:
