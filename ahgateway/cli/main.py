@@ -55,11 +55,20 @@ def exit_code(error: AhGatewayError) -> int:
 def _ask_again(lost: Any) -> None:
     """Repeat a Ctrl-C that fell into a callback of Python's own: it is dropped there, and the command would go on."""
     if lost.exc_type is KeyboardInterrupt:
-        again = threading.Timer(REPEAT_S, signal.raise_signal, (signal.SIGINT,))
+        again = threading.Timer(REPEAT_S, _interrupt)
         again.daemon = True
         again.start()
         return
     sys.__unraisablehook__(lost)
+
+
+def _interrupt() -> None:
+    """Send Ctrl-C to the main thread, also where it sleeps; where threads have no signals, it wakes by itself."""
+    to_thread = getattr(signal, "pthread_kill", None)
+    if to_thread is None:
+        signal.raise_signal(signal.SIGINT)
+    else:
+        to_thread(threading.main_thread().ident, signal.SIGINT)
 
 
 def main() -> None:

@@ -127,5 +127,5 @@ try:
 except KeyboardInterrupt:
     print("asked again")
 """
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=30, check=False)
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=15, check=False)
     assert ("asked again\n", "", 0) == (done.stdout, done.stderr, done.returncode)
