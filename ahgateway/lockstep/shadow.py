@@ -560,14 +560,14 @@ def is_unbounded(bound: Bound) -> bool:
 def is_roughly_bounded(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
     """Tell whether a miss says nothing, because the ends of an open bound need not enclose the truth.
 
-    So it is at a limit and in a transfer, where what bisection follows stands still or jumps while D is open, and in a
+    So it is at a limit, in manual and in a transfer, where what is followed stands or jumps while D is open, and in a
     filter that rounding makes not quite monotone, when I_MV and MV are missed by little.
     """
     if fit.before.is_point or loop.controller.law_ts is None:
         return False
     read = fit.inputs
     is_at_limit = any(same_bits(seen["MV"], edge) for edge in (read.mv_min, read.mv_max))
-    is_transfer = bool(fit.before.low.man1 and not read.pid_man)
+    is_transfer = bool(fit.before.low.man1 or read.pid_man)
     is_of_input = loop.dialect.filter_content == FilterContent.INPUT
     if (is_at_limit or is_transfer or is_of_input) and is_unbounded(fit.before):
         return True
