@@ -8,10 +8,11 @@ from dataclasses import dataclass, replace
 
 from ahgateway.apps.monitor import Report, Sample
 from ahgateway.codec.station import Loop, Station
+from ahgateway.core.controllers.block_axes import axes_of
 from ahgateway.core.dialect import PvWord
-from ahgateway.core.dialect_axes import BY_NAME, value_name
 from ahgateway.core.verdict import Exit
 from ahgateway.lockstep.identify import Identification, identify, observed
+from ahgateway.lockstep.identify_calls import identify_calls
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.words import Followed, followed, pv_placed
 
@@ -42,19 +43,30 @@ class Learned:
     def decided(self) -> dict[str, str]:
         """Axes of this instruction that are decided, as a profile spells them."""
         found = {
-            name: value_name(name, value)
+            name: self._spelled(name, value)
             for name, value in self.found.decided().items()
-            if BY_NAME[name].concerns(self.loop.controller.name)
+            if name in {axis.name for axis in axes_of(self.loop.controller.name)}
         }
         if any(each.quantity == "PV" for each in self.words):
-            found["pv_word"] = value_name("pv_word", self.loop.dialect.pv_word)
+            found["pv_word"] = self._spelled("pv_word", self.loop.dialect.pv_word)
         return found
+
+    def closest(self) -> dict[str, str]:
+        """Axes of the dialect that came closest where none fits, those that differ from the default."""
+        assert self.found.unexplained is not None
+        dialect = self.found.unexplained.dialect
+        values = {name: int(getattr(dialect, name)) for name in self.loop.controller.axes}
+        return {name: self._spelled(name, value) for name, value in values.items() if value}
+
+    def _spelled(self, axis: str, value: int) -> str:
+        """How a profile spells a value."""
+        return self.loop.controller.axes[axis](value).name.lower()
 
     def open(self) -> list[tuple[str, list[str], str]]:
         """Axes left open: name, values that remain, and what an operator can do to tell them apart."""
         decided = self.found.decided()
         return [
-            (axis.name, [value_name(axis.name, value) for value in self.found.values[axis.name]], axis.excitation)
+            (axis.name, [self._spelled(axis.name, value) for value in self.found.values[axis.name]], axis.excitation)
             for axis in self.found.open_axes(self.loop.controller.name)
             if axis.name not in decided and axis.name not in self.decided()
         ]
@@ -70,17 +82,15 @@ def collected(reports: Iterable[Report]) -> dict[str, list[Picture]]:
 
 
 def learn(station: Station, pictures: Mapping[str, list[Picture]], names: Iterable[str] = ()) -> list[Learned]:
-    """Learn every loop's dialect, or that of the named loops; only Delta's laws have one."""
+    """Learn every loop's dialect, or that of the named loops."""
     wanted = set(names)
-    return [
-        _learned(loop, pictures.get(loop.name, []))
-        for loop in station.loops
-        if loop.controller.law_ts is not None and (not wanted or loop.name in wanted)
-    ]
+    return [_learned(loop, pictures.get(loop.name, [])) for loop in station.loops if not wanted or loop.name in wanted]
 
 
 def _learned(loop: Loop, pictures: list[Picture]) -> Learned:
-    """Find the word of PV first: what an execution read is taken from there."""
+    """Find the word of PV first: what an execution read is taken from there. The other blocks have no such word."""
+    if loop.controller.begin is not None:
+        return Learned(loop, identify_calls(loop, pictures), len(pictures))
     # What the profile says of that word may be another firmware's.
     loop = replace(loop, dialect=loop.dialect._replace(pv_word=PvWord.MANUAL))
     placed, shown = pv_placed(loop, pictures)

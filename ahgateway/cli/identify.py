@@ -138,12 +138,10 @@ def _object(each: Learned) -> dict[str, Any]:
         "unexplained": None,
     }
     if found.unexplained is not None:
-        from ahgateway.core.real import bits
-
         shown["unexplained"] = {
             "execution": found.unexplained.number,
             "words": {
-                name: {"plc": f"0x{bits(plc):08x}", "ref": f"0x{bits(ref):08x}"}
+                name: {"plc": _pattern(plc), "ref": _pattern(ref)}
                 for name, (plc, ref) in found.unexplained.words.items()
             },
         }
@@ -155,9 +153,11 @@ def _text(each: Learned) -> str:
     if found.unexplained is not None:
         return "\n".join([f"{head}: no known dialect fits", *_unexplained(each)])
     if not found.is_named or found.is_crowded:
+        hint = "watch longer, in automatic, between the limits, ERR_DBW 0, with Ki and some movement of SV or PV"
+        if each.loop.controller.begin is not None:
+            hint = f"watch longer; the block is {each.loop.controller.roles.starts}"
         return (
-            f"{head}: too little to decide, {found.executions} executions were explained\n"
-            "  hint: watch longer, in automatic, between the limits, ERR_DBW 0, with Ki and some movement of SV or PV"
+            f"{head}: too little to decide, {found.executions} executions were explained\n  hint: {hint}"
             + _about_filter(each)
         )
     lines = [f"{head}: {found.executions} executions explained by bits, {found.informative} of them informative"]
@@ -181,22 +181,28 @@ def _about_filter(each: Learned) -> str:
 
 
 def _unexplained(each: Learned) -> list[str]:
-    from ahgateway.core.dialect_axes import spelled
-    from ahgateway.core.real import bits
-
     missed = each.found.unexplained
     assert missed is not None
     lines = [f"  first execution that none explains: number {missed.number}, beside the closest dialect"]
     for name, (plc, ref) in missed.words.items():
-        mark = "" if bits(plc) == bits(ref) else "   differs"
-        lines.append(f"    {name}: plc {plc:.9g} (0x{bits(plc):08x}), ref {ref:.9g} (0x{bits(ref):08x}){mark}")
+        mark = "" if _pattern(plc) == _pattern(ref) else "   differs"
+        lines.append(f"    {name}: plc {plc:.9g} ({_pattern(plc)}), ref {ref:.9g} ({_pattern(ref)}){mark}")
     lines += [
         f"    {name}: {value:.9g}"
         for name, value in missed.terms._asdict().items()
         if name in ("e", "p", "i", "d", "raw")
     ]
-    chosen = ", ".join(f"{axis} = {value}" for axis, value in spelled(missed.dialect).items())
+    chosen = ", ".join(f"{axis} = {value}" for axis, value in each.closest().items())
     return [*lines, f"    closest dialect: {chosen or 'the default'}"]
+
+
+def _pattern(value: Any) -> str:
+    """The bits of a REAL, or a whole number."""
+    import numpy as np
+
+    from ahgateway.core.real import bits
+
+    return f"0x{bits(value):08x}" if isinstance(value, np.floating) else str(int(value))
 
 
 def _save(path: Path, results: list[Learned], firmware: str) -> None:

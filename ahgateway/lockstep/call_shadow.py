@@ -204,7 +204,7 @@ def explain(loop: Loop, shadow: Shadow, variants: Iterable[Any], seen: Mapping[s
                 fitting.extend(_narrowed(loop, inputs, bound, seen))
             elif agree(names, low, seen):
                 fitting.append(fit)
-            distance = _distance(names, low, seen)
+            distance = distance_of(names, low, seen)
             if nearest is None or distance < nearest[0]:
                 nearest = (distance, fit)
         if fitting:
@@ -220,7 +220,7 @@ def unsettled(low: Any, high: Any) -> tuple[str, ...]:
     return tuple(name for name, a, b in zip(low._fields, low, high, strict=True) if key_of(a) != key_of(b))
 
 
-def _distance(names: Iterable[str], left: Mapping[str, Any], right: Mapping[str, Any]) -> tuple[int, int]:
+def distance_of(names: Iterable[str], left: Mapping[str, Any], right: Mapping[str, Any]) -> tuple[int, int]:
     """Rank a prediction: first how many values differ, then by how much in total."""
     wrong = apart = 0
     for name in names:

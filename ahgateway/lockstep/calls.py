@@ -11,7 +11,9 @@ An EN contact that was seen off for longer than a scan makes the next execution 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
+from copy import copy
+from dataclasses import replace
 from typing import Any
 
 from ahgateway.clock import MILLISECOND
@@ -24,6 +26,7 @@ from ahgateway.lockstep.call_causes import blame_call
 from ahgateway.lockstep.call_shadow import (
     explain,
     fed_back,
+    flat,
     key_of,
     lingered,
     merged,
@@ -47,13 +50,33 @@ AFRESH = "the first execution after the contact turned on shows from which value
 
 
 class Calls:
-    """What is known of one block, from picture to picture."""
+    """What is known of one block, from picture to picture.
 
-    def __init__(self, loop: Loop) -> None:
+    Attributes:
+        missed: The prediction nearest to the last call that none fitted.
+    """
+
+    def __init__(self, loop: Loop, *, blames: bool = True) -> None:
         self.loop = loop
+        self._blames = blames
+        self.missed: Fit | None = None
         self._shadow: Shadow = ()
         self._earliest_ns: int | None = None
         self._off_since_ns: int | None = None
+
+    def read_as(self, dialect: Any) -> Calls:
+        """Return the same block, with what is known of it, read in another dialect; this one stays as it is."""
+        other = copy(self)
+        other.loop = replace(self.loop, dialect=dialect)
+        return other
+
+    def known(self) -> Hashable:
+        """What is known, as something to compare."""
+        bounds = frozenset(
+            tuple((key_of(low), key_of(high)) for (_, low), (_, high) in zip(flat(b.low), flat(b.high), strict=True))
+            for b in self._shadow
+        )
+        return bounds, self._earliest_ns, self._off_since_ns
 
     def forget(self) -> None:
         """Pictures were lost: nothing is known any more."""
@@ -169,6 +192,7 @@ class Calls:
             return self._agreed(found.fits[0], before, after, is_decided=found.is_decided)
         nearest = found.nearest
         assert nearest is not None
+        self.missed = nearest
         afresh = [bound for bound in self._shadow if not bound.low.valid] if fed_back(loop) else []
         if afresh:
             reached = [stepped(loop, inputs, bound)[0].low for inputs in variants for bound in afresh]
@@ -180,7 +204,7 @@ class Calls:
             reason = f"agrees by {proof.value} only; the tolerance of the profile allows it"
             weight = self._weigh(nearest.terms, before, after)
             return Execution(Verdict.MATCH, proof, weight, reason, nearest.terms, inputs=nearest.inputs)
-        blame = blame_call(loop, nearest, before, after)
+        blame = blame_call(loop, nearest, before, after) if self._blames else None
         return Execution(Verdict.DIVERGED, terms=nearest.terms, inputs=nearest.inputs, blame=blame)
 
     def _agreed(self, fit: Fit, before: Picture, after: Picture, *, is_decided: bool) -> Execution:

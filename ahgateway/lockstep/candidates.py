@@ -5,9 +5,10 @@ This file decides when an axis is split and when it is joined again. It judges n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Hashable, Mapping
+from copy import copy
 from dataclasses import dataclass, field, replace
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,9 @@ import numpy.typing as npt
 from ahgateway.codec.station import Loop
 from ahgateway.core import sift
 from ahgateway.core.compiling import AXIS_COUNT, FIRST_ASKED, asked_row
+from ahgateway.core.controllers.melsec_dialect import NumberFormat
 from ahgateway.core.dialect import AXES, Dialect, TsSource, TsUnit
+from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL
 from ahgateway.lockstep.anchor import anchored
 from ahgateway.lockstep.picture import Picture
@@ -26,6 +29,19 @@ from ahgateway.lockstep.trace import Trace
 Fixed = Mapping[str, int]
 Rows = npt.NDArray[np.float64]
 T = TypeVar("T")
+
+
+class Held(Protocol):
+    """A partial dialect, what it can have left hidden, and what it explained."""
+
+    fixed: dict[str, int]
+    explained: int
+
+    def state(self) -> Hashable:
+        """What it can have left hidden, as something to compare."""
+
+
+C = TypeVar("C", bound=Held)
 
 AXIS_NAMES = tuple(AXES)
 
@@ -40,19 +56,25 @@ WAIT_MAX = 256
 
 
 class Asked:
-    """A dialect that remembers which open axes were read; an open one reads as its default."""
+    """A dialect that remembers which open axes were read; an open one reads as its default, 0.
 
-    __slots__ = ("_fixed", "asked")
+    Axes that are numbers are not searched: they read as the profile has them.
+    """
 
-    def __init__(self, fixed: Fixed) -> None:
+    __slots__ = ("_fixed", "_loop", "asked")
+
+    def __init__(self, fixed: Fixed, loop: Loop) -> None:
         self._fixed = fixed
+        self._loop = loop
         self.asked: list[str] = []
 
-    def __getattr__(self, name: str) -> int:
+    def __getattr__(self, name: str) -> Any:
         try:
             return self._fixed[name]
         except KeyError:
-            if name not in AXES:
+            if name in self._loop.controller.numbers:
+                return getattr(self._loop.dialect, name)
+            if name not in self._loop.controller.axes:
                 raise AttributeError(name) from None
             if name not in self.asked:
                 self.asked.append(name)
@@ -100,12 +122,15 @@ def dialect_of(fixed: Fixed) -> Dialect:
 def values_of(loop: Loop, fixed: Fixed, axis: str) -> list[int]:
     """Values of an axis that differ for this loop."""
     is_count = axis == "ts_unit" and counts_ten_ms(loop) and fixed.get("ts_source", 0) == TsSource.NOMINAL
-    return [int(value) for value in AXES[axis] if not (is_count and value == TsUnit.TEN_MS)]
+    if axis == "number_format" and loop.controller.operand(loop.controller.roles.mv).kind is not Kind.REAL:
+        # A register of whole numbers shows a REAL rounded: the first two values are one.
+        return [int(value) for value in NumberFormat if value != NumberFormat.REAL]
+    return [int(value) for value in loop.controller.axes[axis] if not (is_count and value == TsUnit.TEN_MS)]
 
 
 def branched(loop: Loop, fixed: dict[str, int], run: Callable[[Any], T | None]) -> list[tuple[dict[str, int], T]]:
     """Run with every combination of the open axes that the run asks for; runs that return None are dropped."""
-    probe = Asked(fixed)
+    probe = Asked(fixed, loop)
     result = run(probe)
     if not probe.asked:
         return [] if result is None else [(fixed, result)]
@@ -116,12 +141,12 @@ def branched(loop: Loop, fixed: dict[str, int], run: Callable[[Any], T | None]) 
     return found
 
 
-def joined(loop: Loop, candidates: list[Candidate]) -> list[Candidate]:
+def joined(loop: Loop, candidates: list[C]) -> list[C]:
     """Make an axis open again where all its values leave the same."""
     axes = {name for candidate in candidates for name in candidate.fixed}
     states = {id(candidate): candidate.state() for candidate in candidates}
     for axis in sorted(axes, reverse=True):
-        groups: dict[Any, list[Candidate]] = {}
+        groups: dict[Any, list[C]] = {}
         for candidate in candidates:
             rest = frozenset((name, value) for name, value in candidate.fixed.items() if name != axis)
             groups.setdefault((rest, states[id(candidate)]), []).append(candidate)
@@ -130,7 +155,8 @@ def joined(loop: Loop, candidates: list[Candidate]) -> list[Candidate]:
             values = {candidate.fixed.get(axis) for candidate in group}
             if None in values or values >= set(values_of(loop, dict(rest), axis)):
                 best = max(group, key=lambda each: each.explained)
-                wider = replace(best, fixed=dict(rest))
+                wider = copy(best)
+                wider.fixed = dict(rest)
                 states[id(wider)] = state
                 candidates.append(wider)
             else:

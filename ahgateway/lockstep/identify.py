@@ -18,8 +18,9 @@ from importlib.util import find_spec
 from typing import Any
 
 from ahgateway.codec.station import Loop
-from ahgateway.core.dialect import AXES, Dialect, IntegralStore, TsUnit
-from ahgateway.core.dialect_axes import TABLE, Axis
+from ahgateway.core.controllers.block_axes import axes_of
+from ahgateway.core.dialect import AXES, IntegralStore, TsUnit
+from ahgateway.core.dialect_axes import Axis
 from ahgateway.core.real import REAL, order, same_bits
 from ahgateway.lockstep.anchor import first_anchor
 from ahgateway.lockstep.candidates import Candidate, Carrier, Fixed, dialect_of, joined
@@ -65,7 +66,7 @@ class Unexplained:
     number: int
     words: Mapping[str, tuple[REAL, REAL]]
     terms: Any
-    dialect: Dialect
+    dialect: Any
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +85,7 @@ class Identification:
     """
 
     values: Mapping[str, tuple[int, ...]]
-    survivors: tuple[Dialect, ...]
+    survivors: tuple[Any, ...]
     executions: int
     informative: int
     unexplained: Unexplained | None = None
@@ -106,7 +107,7 @@ class Identification:
 
     def open_axes(self, instruction: str) -> tuple[Axis, ...]:
         """Axes of this instruction that the trace leaves open, in the order of the table."""
-        return tuple(axis for axis in TABLE if axis.concerns(instruction) and len(self.values[axis.name]) > 1)
+        return tuple(axis for axis in axes_of(instruction) if len(self.values[axis.name]) > 1)
 
 
 def identify(

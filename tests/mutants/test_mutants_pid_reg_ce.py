@@ -61,7 +61,7 @@ MUTANTS = {
     "both manual inputs open": ("operands.in_open_r and not operands.in_close_r and", "operands.in_open_r and"),
     "limit of Y ignored": ("y = limit(-tuning.y_ogr, y, tuning.y_ogr)", "y = y"),
     "motor runs on a bad signal": ("return _off(state, shown, state.e1, state.valid, flag.BAD_INPUT)", "e = state.e1"),
-    "stopped in a pause": ("stopped = phase == IDLE if", "stopped = phase != PULSE if"),
+    "stopped in a pause": ("stopped = phase == IDLE\n", "stopped = phase != PULSE\n"),
 }  # fmt: skip
 
 

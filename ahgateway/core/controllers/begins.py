@@ -24,6 +24,9 @@ from ahgateway.core.real import REAL
 Pairs = tuple[tuple[Any, Any], ...]
 
 HALF = REAL(0.5)
+I_BOUND = REAL(1e9)
+"""Far above what an integral that no series clears can hold, in units of the error (ASSUMED)."""
+
 NEIGHBOURS = 3
 """How many REALs on either side of SET_POINT - ERROR can give the same ERROR; rounding needs no more near it."""
 
@@ -70,9 +73,10 @@ def pid_reg_ce_start(
 ) -> Pairs:
     """Return what PID_REG_CE can remember where OSTANOV says that no series is active; the last motion may be any."""
     error = shown["error"]
-    if not shown["ostanov"] or dialect.stopped != Stopped.NO_SERIES_OR_MANUAL or not finite(error):
+    if not shown["ostanov"] or not finite(error) or dialect.reverse_pause > ZERO:
         return ()
-    if dialect.series_end == SeriesEnd.KEPT or dialect.reverse_pause > ZERO:
+    resting = not inputs.reg_avt or pid_reg_ce.inside_zone(inputs, inputs.d_zone)
+    if not resting and dialect.stopped == Stopped.NO_OUTPUT:
         return ()
     e = -error if inputs.action and dialect.error_sign == ErrorSign.FIXED else error
     moving = int(shown["open_out"]) - int(shown["close_out"])
@@ -83,7 +87,9 @@ def pid_reg_ce_start(
     ]
     if error == ZERO:
         found.append(pid_reg_ce.State())
-    return tuple((state, state) for state in found)
+    if dialect.series_end == SeriesEnd.CLEARED:
+        return tuple((state, state) for state in found)
+    return tuple((state._replace(i=-I_BOUND), state._replace(i=I_BOUND)) for state in found)
 
 
 def pid_reg_ce_used(inputs: pid_reg_ce.Operands, shown: Mapping[str, Any]) -> tuple[Any, ...]:

@@ -272,7 +272,9 @@ def step(operands: Operands, state: State, dialect: MelsecDialect, ts: REAL) -> 
     out = REAL(np.rint(mv)) if dialect.number_format == NumberFormat.INTEGER_IO else mv
     alarm = 0
     if state.valid:
-        watched = pv - before.pv1 if dialect.alarm_input == AlarmInput.RAW else filtered - before.pvf1
+        watched, raw_change = filtered - before.pvf1, pv - before.pv1
+        if watched != raw_change and operands.act & ACT_INPUT_ALARM and dialect.alarm_input == AlarmInput.RAW:
+            watched = raw_change
         alarm = _alarms(operands, dialect, watched, mv - before.mv)
     if _alarm_value_negative(operands):
         warnings |= WARN_ALARM_VALUE
@@ -291,10 +293,10 @@ def _history(operands: Operands, state: State, dialect: MelsecDialect, pv: REAL,
         seeded = limit(INT_MIN, error(operands, pv), INT_MAX)
         return State(destination, seeded, pv, pv, ZERO, pv, destination, reverse, True)
     mv = state.mv
-    if dialect.destination_written == DestinationWritten.TAKEN and destination != state.out:
+    if destination != state.out and dialect.destination_written == DestinationWritten.TAKEN:
         mv = destination
     ev1, d = state.ev1, state.d
-    if dialect.action_change == ActionChange.NEGATED and reverse != state.reverse1:
+    if reverse != state.reverse1 and dialect.action_change == ActionChange.NEGATED:
         ev1, d = -ev1, -d
     return State(mv, ev1, state.pvf1, state.pvf2, d, state.pv1, state.out, reverse, True)
 
@@ -341,7 +343,8 @@ def _limited(operands: Operands, raw: REAL) -> tuple[REAL, int, int]:
 
 def _alarms(operands: Operands, dialect: MelsecDialect, pv_change: REAL, mv_change: REAL) -> int:
     """(s3)+24: a variation strictly beyond its set value; a negative set value gives no alarm."""
-    if dialect.variation == Variation.OLD_MINUS_NEW:
+    watches = operands.act & (ACT_INPUT_ALARM | ACT_OUTPUT_ALARM)
+    if watches and dialect.variation == Variation.OLD_MINUS_NEW:
         pv_change, mv_change = -pv_change, -mv_change
     alarm = 0
     if operands.act & ACT_INPUT_ALARM:

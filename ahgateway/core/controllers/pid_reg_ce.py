@@ -215,7 +215,7 @@ def step(operands: Operands, state: State, dialect: PulseDialect, ts: REAL) -> t
     """
     error = operands.set_point - operands.actual
     e = -error if operands.action else error
-    shown = e if dialect.error_sign == ErrorSign.BY_ACTION else error
+    shown = e if operands.action and dialect.error_sign == ErrorSign.BY_ACTION else error
     if not finite(e):
         return _off(state, shown, state.e1, state.valid, flag.BAD_INPUT)
     tuning = _tuning(operands, dialect, ts)
@@ -274,8 +274,8 @@ def _sign(x: REAL) -> int:
 
 def _ended(s: State, dialect: PulseDialect) -> State:
     """No series: I and Y are 0, unless the dialect keeps them."""
-    i = s.i if dialect.series_end == SeriesEnd.KEPT else ZERO
-    y = s.y if dialect.idle_y == IdleY.HELD else ZERO
+    i = s.i if s.i != ZERO and dialect.series_end == SeriesEnd.KEPT else ZERO
+    y = s.y if s.y != ZERO and dialect.idle_y == IdleY.HELD else ZERO
     return State(IDLE, 0, s.sgn, s.dir, s.last, s.t1, i, s.e1, y, s.y_first, 0, s.rest, s.valid)
 
 
@@ -284,10 +284,10 @@ def _demand(s: State, tuning: _Tuning, dialect: PulseDialect, e: REAL, e1: REAL,
     i, age = s.i, s.age
     if s.phase == IDLE:
         age = 0
-        if dialect.series_end == SeriesEnd.CLEARED:
+        if i != ZERO and dialect.series_end == SeriesEnd.CLEARED:
             i = ZERO
-    within = dialect.integral_span == IntegralSpan.RUNNING or REAL(age) * ts < tuning.tn
-    if tuning.tn > ZERO and within:
+    within = REAL(age) * ts < tuning.tn
+    if tuning.tn > ZERO and (within or dialect.integral_span == IntegralSpan.RUNNING):
         i = i + ((e * ts) / tuning.tn)
     d = (tuning.tv * (e - e1)) / ts if tuning.tv > ZERO else ZERO
     y = tuning.kp * ((e + i) + d)
@@ -308,8 +308,9 @@ def _counted(s: State, tuning: _Tuning, dialect: PulseDialect, sg: int, ts: REAL
     if phase == PAUSE:
         phase, left = PULSE, ticks(tuning.minimum, ts)
     else:
-        if dialect.pause_from == PauseFrom.TRACKING and s.y != ZERO:
-            t1 = (tuning.period / HUNDRED) * abs(s.y)
+        tracked = (tuning.period / HUNDRED) * abs(s.y)
+        if s.y != ZERO and tracked != t1 and dialect.pause_from == PauseFrom.TRACKING:
+            t1 = tracked
         phase, left = PAUSE, ticks((tuning.minimum / t1) * tuning.period, ts)
     return State(phase, left, s.sgn, s.dir, s.last, t1, s.i, s.e1, s.y, s.y_first, s.age, s.rest, s.valid)
 
@@ -326,11 +327,11 @@ def _begun(operands: Operands, s: State, tuning: _Tuning, dialect: PulseDialect,
         return s
     t1 = (tuning.period / HUNDRED) * abs(s.y)
     pulse = tuning.minimum if t1 < tuning.minimum else t1
-    if dialect.short_pulse == ShortPulse.PAUSE_FROM_STRETCHED:
+    if pulse != t1 and dialect.short_pulse == ShortPulse.PAUSE_FROM_STRETCHED:
         t1 = pulse
-    if reversing or (s.last == 0 and dialect.first_backlash == FirstBacklash.YES):
+    if reversing or (s.last == 0 and tuning.luft > ZERO and dialect.first_backlash == FirstBacklash.YES):
         pulse = pulse + tuning.luft
-        if dialect.backlash_pause == BacklashPause.WITH_LUFT:
+        if tuning.luft > ZERO and dialect.backlash_pause == BacklashPause.WITH_LUFT:
             t1 = t1 + tuning.luft
     return State(PULSE, ticks(pulse, ts), sg, direction, s.last, t1, s.i, s.e1, s.y, abs(s.y), s.age, s.rest, s.valid)
 
@@ -346,9 +347,11 @@ def _driven(
     if blocked:
         opens = closes = False
         phase, left = IDLE, 0
-        if dialect.series_end == SeriesEnd.CLEARED:
+        if i != ZERO and dialect.series_end == SeriesEnd.CLEARED:
             i = ZERO
-    stopped = phase == IDLE if dialect.stopped == Stopped.NO_SERIES_OR_MANUAL else not (opens or closes)
+    stopped = phase == IDLE
+    if not (stopped or opens or closes) and dialect.stopped == Stopped.NO_OUTPUT:
+        stopped = True
     moving = 1 if opens else (-1 if closes else 0)
     last, rest = (moving, 0) if moving else (s.last, min(s.rest + 1, int(TICK_MAX)))
     after = State(phase, left, s.sgn, s.dir, last, s.t1, i, s.e1, s.y, s.y_first, s.age, rest, True)
@@ -365,7 +368,7 @@ def _manual(
     moving = 1 if opens else (-1 if closes else 0)
     last, rest = (moving, 0) if moving else (state.last, min(state.rest + 1, int(TICK_MAX)))
     after = State(IDLE, 0, 0, ended.dir, last, ended.t1, ended.i, e, ended.y, ZERO, 0, rest, True)
-    stopped = dialect.stopped == Stopped.NO_SERIES_OR_MANUAL or moving == 0
+    stopped = moving == 0 or dialect.stopped == Stopped.NO_SERIES_OR_MANUAL
     terms = Terms(shown, e, after.i, ZERO, after.y, after.t1, MANUAL, 0, opens, closes, stopped, flags | flag.MANUAL)
     return after, terms
 

@@ -145,7 +145,7 @@ def monitored(operands: Operands, dialect: PidTempDialect) -> Seen:
             pending |= ERR_INPUT_LIMITS
         high = _warning_limit(operands, operands.inputupperwarning, operands.inputupperlimit)
         low = _warning_limit(operands, operands.inputlowerwarning, operands.inputlowerlimit)
-        reached = dialect.warning_edge == WarningEdge.REACHED
+        reached = bool(x in (high, low)) and dialect.warning_edge == WarningEdge.REACHED
         above = bool(x > high or (reached and x == high))
         below = bool(x < low or (reached and x == low))
         if above or below:
@@ -183,9 +183,9 @@ def step(operands: Operands, state: State, dialect: PidTempDialect, ts: REAL) ->
     warning |= seen.warning | acted.warning | _standing_warnings(operands, acted.state)
     acknowledged = (operands.reset and not state.reset1) or (operands.errorack and not state.errorack1)
     errorbits = (0 if acknowledged else state.errorbits) | acted.pending
-    latched = 0
-    if dialect.warning_latch == WarningLatch.UNTIL_ACKNOWLEDGED:
-        latched = ((0 if acknowledged else state.latched) | warning) & ~GO_BY_THEMSELVES
+    latched = ((0 if acknowledged else state.latched) | warning) & ~GO_BY_THEMSELVES
+    if latched and dialect.warning_latch == WarningLatch.PRESENT:
+        latched = 0
     warning |= latched
 
     core, parts = acted.core, acted.parts

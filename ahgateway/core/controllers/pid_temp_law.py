@@ -101,7 +101,7 @@ def cools(operands: Operands, dialect: PidTempDialect, cooling: bool, y: REAL, e
     """Return whether the cooling set is active, from the last output and the present error."""
     if not two_sets(operands):
         return False
-    if dialect.switching == Switching.AT_ZERO:
+    if y != ZERO or e == ZERO or dialect.switching == Switching.AT_ZERO:
         below, above = bool(y <= ZERO), bool(y >= ZERO)
     else:
         below, above = bool(y < ZERO), bool(y > ZERO)
@@ -127,7 +127,8 @@ def active_set(operands: Operands, cooling: bool, dialect: PidTempDialect, ts: R
     if not (finite(ti) and finite(td) and finite(a) and finite(b) and finite(c) and finite(cycle)):
         flags |= flag.BAD_PARAM
     cycle = cycle if finite(cycle) and cycle > ZERO else ts
-    sampling = REAL(calls(cycle, ts, 1)) * ts if dialect.sampling_time == SamplingTime.COUNTED else cycle
+    counted = REAL(calls(cycle, ts, 1)) * ts
+    sampling = counted if counted != cycle and dialect.sampling_time == SamplingTime.COUNTED else cycle
     return Set(kp, gain(ti), gain(td), gain(a), gain(b), gain(c), cycle, sampling, flags)
 
 
@@ -137,7 +138,7 @@ def dead_zoned(operands: Operands, dialect: PidTempDialect, e: REAL) -> REAL:
     zone = gain(zone)
     if abs(e) <= zone:
         return ZERO
-    if dialect.dead_zone == DeadZone.JUMP:
+    if zone > ZERO and dialect.dead_zone == DeadZone.JUMP:
         return e
     return e - zone if e > ZERO else e + zone
 
@@ -177,7 +178,7 @@ def execute(
     ps = active_set(operands, cooling, dialect, ts)
     ez = dead_zoned(operands, dialect, e)
     if not gains_valid(operands):
-        i = ZERO if dialect.invalid_gain == InvalidGain.CLEARED else core.i
+        i = ZERO if core.i != ZERO and dialect.invalid_gain == InvalidGain.CLEARED else core.i
         return Core(ZERO, i, ZERO, core.u1, False, cooling, core.outside), Parts(e, ez, flags=ps.flags | flag.BAD_PARAM)
 
     u = ez - ((ONE - ps.c) * w)
@@ -189,7 +190,9 @@ def execute(
     low, high = limits(operands)
 
     if preset:
-        i = ((_before_factor(operands, dialect, y, disturbance) - p) - d) - _early(dialect, disturbance)
+        is_early = _joins_early(operands, dialect, disturbance)
+        before = _before_factor(operands, y if is_early else y - disturbance)
+        i = ((before - p) - d) - (disturbance if is_early else ZERO)
     if beyond:
         if preset == OF_TRANSFER and dialect.zone_at_transfer == ZoneAtTransfer.DROPPED:
             i = core.i
@@ -224,11 +227,12 @@ def integrated(
     if ps.ti > ZERO:
         inc = ((ps.kp * ps.ts) / ps.ti) * ez
     raw = (p + (i + inc)) + d
-    if dialect.disturbance_place == DisturbancePlace.BEFORE_FACTOR:
+    is_early = _joins_early(operands, dialect, disturbance)
+    if is_early:
         raw = raw + disturbance
     if with_factor(operands) and raw < ZERO:
         raw = raw * operands.coolfactor
-    if dialect.disturbance_place == DisturbancePlace.AFTER_FACTOR:
+    if not is_early:
         raw = raw + disturbance
     if raw > high and inc > ZERO:
         return i, raw, flags | flag.FREEZE_HI
@@ -261,13 +265,13 @@ def _preset(
     return core.i, core.y, NO_PRESET
 
 
-def _early(dialect: PidTempDialect, disturbance: REAL) -> REAL:
-    return disturbance if dialect.disturbance_place == DisturbancePlace.BEFORE_FACTOR else ZERO
+def _joins_early(operands: Operands, dialect: PidTempDialect, disturbance: REAL) -> bool:
+    """Tell whether Disturbance joins before CoolFactor; without a factor both are one."""
+    if disturbance == ZERO or not with_factor(operands):
+        return True
+    return dialect.disturbance_place == DisturbancePlace.BEFORE_FACTOR
 
 
-def _before_factor(operands: Operands, dialect: PidTempDialect, y: REAL, disturbance: REAL) -> REAL:
-    """The sum that gives y: less a disturbance that joins late, divided by CoolFactor where that multiplied it."""
-    inner = y if dialect.disturbance_place == DisturbancePlace.BEFORE_FACTOR else y - disturbance
-    if with_factor(operands) and inner < ZERO:
-        return inner / operands.coolfactor
-    return inner
+def _before_factor(operands: Operands, inner: REAL) -> REAL:
+    """The sum that gives this output: divided by CoolFactor where that multiplied it."""
+    return inner / operands.coolfactor if with_factor(operands) and inner < ZERO else inner

@@ -17,7 +17,7 @@ import numpy as np
 from ahgateway.core import flags as flag
 from ahgateway.core.controllers import pid_temp_pwm as pwm
 from ahgateway.core.controllers.delta import ZERO, finite, limit
-from ahgateway.core.controllers.pid_temp_dialect import PerRounding, PidTempDialect, PwmInactive
+from ahgateway.core.controllers.pid_temp_dialect import PerRounding, PidTempDialect, PwmConflict, PwmInactive
 from ahgateway.core.controllers.pid_temp_operands import Operands
 from ahgateway.core.controllers.pid_temp_pwm import Pulse, Timing
 from ahgateway.core.real import REAL
@@ -79,6 +79,17 @@ def peripheral(x: REAL, rounding: PerRounding) -> int:
     return int(np.rint(held))
 
 
+def _rounded(x: REAL, dialect: PidTempDialect) -> int:
+    """Round as the dialect does; only a half asks it."""
+    even = peripheral(x, PerRounding.HALF_EVEN)
+    return even if even == peripheral(x, PerRounding.HALF_AWAY) else peripheral(x, dialect.per_rounding)
+
+
+def _rule(timing: Timing, dialect: PidTempDialect) -> PwmConflict:
+    """Which minimum time wins; only times that do not fit together ask the dialect."""
+    return dialect.pwm_conflict if pwm.conflicting(timing) else PwmConflict.ON_RULE
+
+
 def heat_timing(operands: Operands, ts: REAL) -> Timing:
     """Period and minimum times of the heating pulses in calls; PwmPeriode of 0 is Cycle, and Cycle is the longest."""
     cycle = calls(operands.heat_cycle, ts, 1)
@@ -98,7 +109,8 @@ def put_out(
 ) -> Outputs:
     """Scale PidOutputSum to the outputs; inactive makes all 0 and FALSE, whatever limits and scaling."""
     if not active:
-        if dialect.pwm_inactive == PwmInactive.CLEARED:
+        # Pulses that never ran are the same either way.
+        if (heat, cool) != (Pulse(), Pulse()) and dialect.pwm_inactive == PwmInactive.CLEARED:
             heat, cool = Pulse(), Pulse()
         return Outputs(ZERO, ZERO, 0, 0, False, False, heat, cool, 0)
     flags = 0
@@ -106,11 +118,11 @@ def put_out(
     heat_out = heat_line(operands, y, operands.heat_lowerscaling, operands.heat_upperscaling)
     if operands.heat_select == PER:
         at = heat_line(operands, y, operands.heat_perlowerscaling, operands.heat_perupperscaling)
-        heat_per = peripheral(at, dialect.per_rounding)
+        heat_per = _rounded(at, dialect)
     if operands.heat_select == PWM:
         timing = heat_timing(operands, ts)
         at = heat_line(operands, y, operands.heat_pwmlowerscaling, operands.heat_pwmupperscaling)
-        heat, heat_pwm = pwm.advance(heat, at, timing, dialect.pwm_conflict)
+        heat, heat_pwm = pwm.advance(heat, at, timing, _rule(timing, dialect))
         flags |= flag.BAD_PARAM if pwm.conflicting(timing) else 0
     else:
         heat = Pulse()
@@ -118,11 +130,11 @@ def put_out(
         cool_out = cool_line(operands, y, operands.cool_lowerscaling, operands.cool_upperscaling)
     if operands.activatecooling and operands.cool_select == PER:
         at = cool_line(operands, y, operands.cool_perlowerscaling, operands.cool_perupperscaling)
-        cool_per = peripheral(at, dialect.per_rounding)
+        cool_per = _rounded(at, dialect)
     if operands.activatecooling and operands.cool_select == PWM:
         timing = cool_timing(operands, ts)
         at = cool_line(operands, y, operands.cool_pwmlowerscaling, operands.cool_pwmupperscaling)
-        cool, cool_pwm = pwm.advance(cool, at, timing, dialect.pwm_conflict)
+        cool, cool_pwm = pwm.advance(cool, at, timing, _rule(timing, dialect))
         flags |= flag.BAD_PARAM if pwm.conflicting(timing) else 0
     else:
         cool = Pulse()

@@ -30,13 +30,13 @@ class Pulse(NamedTuple):
 
     Attributes:
         tick: Calls since the period began, 0 before its first.
-        on: Calls of this period that are on.
+        on: Calls of this period that are on; -1 where no period has run since they were cleared.
         calls: Calls of this period.
         carry: Ticks owed to the next period, negative if given too much.
     """
 
     tick: int = 0
-    on: int = 0
+    on: int = -1
     calls: int = 1
     carry: REAL = ZERO
 
@@ -57,7 +57,7 @@ def period(percent: REAL, timing: Timing, carry: REAL, conflict: PwmConflict) ->
         return 0, ZERO
     short_on = bool(want < REAL(timing.on_min))
     short_off = bool(count - want < REAL(timing.off_min))
-    if conflict == PwmConflict.OFF_RULE and short_off:
+    if short_on and short_off and conflict == PwmConflict.OFF_RULE:
         short_on = False
     if short_on:
         on = 0

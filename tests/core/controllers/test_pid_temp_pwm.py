@@ -10,6 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ahgateway.core import flags as flag
+from ahgateway.core.controllers import pid_temp
+from ahgateway.core.controllers.begins_temp import VEIL, veil
 from ahgateway.core.controllers.pid_temp_dialect import PwmConflict
 from ahgateway.core.controllers.pid_temp_pwm import Pulse, Timing, advance, period
 from ahgateway.core.real import REAL, ZERO
@@ -131,3 +133,11 @@ def test_pulses_only_where_selected() -> None:
 def test_impossible_minimum_times_are_flagged() -> None:
     assert manual({"Heat_MinimumOnTime": 0.75, "Heat_MinimumOffTime": 0.5}, 50, 1)[0].flags & flag.BAD_PARAM
     assert not manual({"Heat_MinimumOnTime": 0.5, "Heat_MinimumOffTime": 0.5}, 50, 1)[0].flags & flag.BAD_PARAM
+
+
+def test_a_carry_that_is_not_known_stays_so_over_a_period_without_a_pulse() -> None:
+    """A period of one call at 0 % leaves no carry to a block that had none; what this one owed is hidden."""
+    met = pid_temp.State(heat=VEIL, cool=VEIL)
+    ran, is_on = advance(VEIL, REAL(0), Timing(1, 0, 0), ON)
+    assert not is_on
+    assert veil(met, met._replace(heat=ran, cool=Pulse())) == met._replace(cool=Pulse())
