@@ -94,7 +94,8 @@ PAGES: tuple[CausePage, ...] = (
         "dialect",
         "the firmware computes in another dialect",
         "One axis of the dialect, set otherwise, reproduces the PLC. After a firmware update this is the usual cause.",
-        "All words come out by bits with one other value of one axis, which is named.",
+        "All words come out by bits with one other value of one axis, which is named. "
+        "For a measured Ts, I_MV alone does, with another interval each time.",
         "Axes that agree on this execution are all named; later executions thin them out.",
         "Run `ahgateway identify`, and compare the firmware with the one in the profile's evidence.",
     ),

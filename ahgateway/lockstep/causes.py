@@ -15,7 +15,7 @@ from typing import Any
 
 from ahgateway.codec.station import Loop
 from ahgateway.core.controllers import Controller
-from ahgateway.core.dialect import AXES
+from ahgateway.core.dialect import AXES, TsSource
 from ahgateway.core.dialect_axes import BY_NAME
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits, ulp_distance
@@ -43,6 +43,12 @@ ROUNDED_ULP = 8
 """Further than this from the reference, in ULP of the largest term, rounding alone does not carry a sum."""
 
 PAIRS_MAX = 12
+
+UNLIMITED = REAL(1e30)
+"""Limits this wide never freeze an integral."""
+
+MEASURED_MIN, MEASURED_MAX = 0.5, 2.0
+"""A measured interval is CYCLE but for scans; outside of this it is another cause."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +84,12 @@ class _Case:
         if is_measured and self.fit.ts is not None:
             return self.fit.ts
         return self.controller.ts(read, chosen)
+
+    def on_grid(self, inputs: Any, source: TsSource, ticks: int) -> REAL:
+        """I_MV behind a step whose Ts is so many ticks of a clock."""
+        measuring = self.loop.dialect._replace(ts_source=source)
+        ts = self.controller.ts(inputs, measuring, ticks)
+        return self.run(inputs, measuring, ts)[0]["I_MV"]
 
     def reproduces(self, words: Mapping[str, REAL]) -> bool:
         return same_words(self.names, words, self.seen)
@@ -293,6 +305,34 @@ def _cycle(case: _Case) -> Suspect | None:
     return Suspect("cycle", evidence, "CYCLE", ratio, "", estimate, stretched(ratio))
 
 
+def _measured(case: _Case) -> list[Suspect]:
+    """The integral comes out by bits with another interval on a clock's grid: Ts is measured, whatever D remembers.
+
+    MV is no witness here: what a filter holds is wrong, or open, once one interval was another than CYCLE.
+    """
+    read, state = case.fit.inputs, case.fit.before.low
+    low, high = sorted((float(read.mv_min), float(read.mv_max)))
+    is_plain = read.pid_run and not read.pid_man and not state.man1 and low < float(case.seen["MV"]) < high
+    if case.loop.dialect.ts_source or not is_plain or "I_MV" not in case.names:
+        return []
+    wide = read._replace(mv_max=UNLIMITED, mv_min=-UNLIMITED)
+    held = float(case.controller.nominal_ts(read))
+    once, twice = (float(case.on_grid(wide, TsSource.MS, round(1000 * held * each))) for each in (1, 2))
+    if once == twice or once == float(case.seen["I_MV"]):
+        return []
+    span = held * (1.0 + (float(case.seen["I_MV"]) - once) / (twice - once))
+    if not held * MEASURED_MIN <= span <= held * MEASURED_MAX:
+        return []
+    for source, per_second in ((TsSource.MS, 1000), (TsSource.TENTH_MS, 10000)):
+        ticks = round(span * per_second)
+        if ticks != round(held * per_second) and same_bits(case.on_grid(wide, source, ticks), case.seen["I_MV"]):
+            setting = f"ts_source = {source.name.lower()}"
+            text = f"I_MV comes out by bits with an interval of {ticks / per_second:g} s, CYCLE is {held:g} s"
+            hint = f"{setting} measures it anew at each execution; run `ahgateway identify`"
+            return [Suspect("dialect", f"{text}: {hint}", setting=setting)]
+    return []
+
+
 def _estimate(size: Size, unit: str) -> Estimate:
     return Estimate(float(size.value), float(size.low), float(size.high), unit, size.is_exact)
 
@@ -373,6 +413,7 @@ HYPOTHESES: tuple[Callable[[_Case], list[Suspect]], ...] = (
     _twice,
     _beyond_limits,
     _gains,
+    _measured,
     _rounding,
     _integral,
     _torn,

@@ -23,6 +23,7 @@ from ahgateway.core.dialect import Freeze, Integrator
 from ahgateway.core.real import REAL, quiet, same_bits
 from ahgateway.core.verdict import Verdict
 from ahgateway.lockstep.anchor import anchored
+from ahgateway.lockstep.causes import UNLIMITED
 from ahgateway.lockstep.judge import SEVERAL, TRIVIAL_FLAGS, Execution, judge
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import (
@@ -41,9 +42,6 @@ from ahgateway.lockstep.thinning import is_plain
 
 COUNT_MAX = 12
 """More executions than this between two pictures are not counted out."""
-
-UNLIMITED = REAL(1e30)
-"""Limits this wide never freeze an integral."""
 
 MARGIN = 2.0**-20
 """Of the integral and of each step: more than rounding can lose in so many executions."""

@@ -64,11 +64,16 @@ ONCE = frozenset(
 )
 """Causes that can be a single event, so that later executions do not speak against them."""
 
+CLOCK = "ts_source = "
+"""An interval that is measured shows itself in I_MV alone, also where no shadow of the rest can follow it."""
+
 ROUNDING_RATIO = 1e-3
 """A factor nearer to 1 than this is not told from rounding where last bits alone differ."""
 
 GRID = 2.0**-23
 """A factor lies between two REALs of the operand; two of its intervals may miss by one."""
+
+NOT_LEARNED = "; nothing has agreed yet: the dialect is not learned, run `ahgateway identify PROFILE --save PROFILE`"
 
 REPEATED_MIN = 3
 """From so many on, a written integral is a wrong sum."""
@@ -161,10 +166,12 @@ class Inquiry:
         self._named: dict[Key, Suspect] = {}
         self._diverged = 0
         self._proven_before = 0
+        self._proven = 0
 
     def hear(self, execution: Execution, before: Picture, after: Picture) -> Execution:
         """Take in a judged execution; return it with its causes in the order in which they stand now."""
         if execution.blame is None:
+            self._proven += execution.weight is Weight.INFORMATIVE
             if not self._diverged:
                 self._proven_before += execution.weight is Weight.INFORMATIVE
             elif execution.count == 1 and execution.terms is not None:
@@ -223,7 +230,11 @@ class Inquiry:
         # What an event explains by bits each time stands before a law of which a size has to be fitted.
         is_fitted = all(rival.suspect.estimate is not None for rival in laws)
         early = total < REPEATED_MIN and is_fitted
-        first = [key for key in events if (early and self._seen[key] == total) or self._is_rounding(key, laws)]
+        first = [
+            key
+            for key in events
+            if (early and self._seen[key] == total and key[0] in ONCE) or self._is_rounding(key, laws)
+        ]
         rest = [key for key in events if key not in first]
         found = (
             *(self._named[key] for key in first),
@@ -234,13 +245,15 @@ class Inquiry:
             return found
         text = "no single change of an operand, mode or dialect reproduces"
         what = "what the PLC wrote" if total == 1 else f"most of these {total} divergences"
-        return (Suspect("unknown", f"{text} {what}"),)
+        is_new = not self._proven and self._loop.controller.law_ts is not None
+        return (Suspect("unknown", f"{text} {what}{NOT_LEARNED if is_new else ''}"),)
 
     def _is_event(self, key: Key, count: int) -> bool:
         """Tell whether this happens once and again and explains most; a picture is not torn every time."""
         if key[0] == "torn-picture" and self._diverged >= REPEATED_MIN:
             return False
-        return key[0] in ONCE and 2 * count >= self._diverged
+        is_clock = key[2].startswith(CLOCK)
+        return (key[0] in ONCE or is_clock) and 2 * count >= self._diverged
 
     def _is_rounding(self, key: Key, laws: list[Rival]) -> bool:
         """Tell whether last bits alone differ, so that a size this near to the register's is rounding too."""

@@ -8,7 +8,7 @@ from typing import Any
 from lockstep.bench_world import World
 
 from ahgateway.clock import MILLISECOND
-from ahgateway.core.dialect import DEFAULT, SumOrder
+from ahgateway.core.dialect import DEFAULT, SumOrder, TsSource
 from ahgateway.core.real import REAL
 from ahgateway.fake.faults import Fault
 from ahgateway.lockstep.follow import Follower
@@ -148,3 +148,53 @@ async def test_what_nothing_explains_is_unknown_and_says_for_how_many() -> None:
 
     assert "unknown" == first(ground).cause
     assert f"most of these {ground.follower.counts.diverged} divergences" in first(ground).evidence
+
+
+async def test_an_interval_that_is_measured_is_named_for_the_whole_run_at_a_bounded_price() -> None:
+    ground = World("DPIDE", PID, seed=5, scan_ms=7, loop_changes={"dialect": DEFAULT._replace(ts_source=TsSource.MS)})
+    steps = 0
+
+    def counting(*arguments: Any) -> Any:
+        nonlocal steps
+        steps += 1
+        return ground.loop.controller.step(*arguments)
+
+    counted = replace(ground.loop.controller, step=counting)
+    ground.follower = Follower(replace(ground.loop, dialect=DEFAULT, controller=counted))
+    ground.plc.write("L1", "SV", 58.0)
+    await ground.follow(200)
+
+    assert ground.follower.counts.diverged > 20
+    assert ("dialect", "ts_source = ms") == (first(ground).cause, first(ground).setting)
+    assert "identify" in first(ground).evidence
+    # A step costs some 10 µs: more of them would keep the link waiting behind each divergence.
+    assert steps < 2500 * ground.follower.counts.diverged
+
+
+async def test_a_loop_of_which_nothing_ever_agreed_is_sent_to_identify() -> None:
+    ground = World("DPIDE", PID, seed=5)
+    ground.plc.items["L1"].fail(
+        wrong(
+            lambda inputs, *rest: (
+                inputs._replace(kc_kp=inputs.kc_kp + inputs.pv / inputs.sv, ti_ki=inputs.ti_ki * inputs.pv),
+                *rest,
+            )
+        )
+    )
+    await ground.follow(120)
+
+    assert "unknown" == first(ground).cause
+    assert "run `ahgateway identify PROFILE --save PROFILE`" in first(ground).evidence
+
+
+async def test_a_loop_that_agreed_once_is_not_sent_to_identify() -> None:
+    fault = wrong(
+        lambda inputs, *rest: (
+            inputs._replace(kc_kp=inputs.kc_kp + inputs.pv / inputs.sv, ti_ki=inputs.ti_ki * inputs.pv),
+            *rest,
+        )
+    )
+    ground = await gone_wrong(fault, polls=40)
+
+    assert "unknown" == first(ground).cause
+    assert "identify" not in first(ground).evidence
