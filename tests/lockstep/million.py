@@ -67,7 +67,8 @@ def _columns(controller: Controller, length: int, chance: random.Random) -> dict
         **{name: lambda: np.float32(chance.uniform(0.05, 2.0)) for name in gains},
         "sv": lambda: np.float32(chance.uniform(20, 80)),
         "mv_max": lambda: np.float32(chance.choice([100.0, 70.0, 55.0])),
-        "mv_min": lambda: np.float32(chance.choice([0.0, 10.0])),
+        # Above 0, so that PID_RUN = FALSE always shows: it puts MV to 0.
+        "mv_min": lambda: np.float32(chance.choice([2.0, 10.0])),
         "err_dbw": lambda: np.float32(chance.choice([0.0, 0.0, 1.5])),
         "cycle": lambda: chance.choice([7, 10, 13]),
         "pid_man": lambda: chance.random() < 0.2,
