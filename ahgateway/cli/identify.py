@@ -193,7 +193,11 @@ def _unexplained(each: Learned) -> list[str]:
         if name in ("e", "p", "i", "d", "raw")
     ]
     chosen = ", ".join(f"{axis} = {value}" for axis, value in each.closest().items())
-    return [*lines, f"    closest dialect: {chosen or 'the default'}"]
+    lines.append(f"    closest dialect: {chosen or 'the default'}")
+    if getattr(missed.dialect, "ts_source", 0):
+        allowed = f"a measured Ts is sought within CYCLE and scan_ms_max = {each.loop.scan_ms_max} ms"
+        lines.append(f"  hint: {allowed}; if scans can be longer, raise it in the loop's profile and watch again")
+    return lines
 
 
 def _pattern(value: Any) -> str:

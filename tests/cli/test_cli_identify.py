@@ -12,7 +12,7 @@ from recording.conftest import Run
 from typer.testing import CliRunner
 
 from ahgateway.cli.main import app
-from ahgateway.core.dialect import DEFAULT, Integrator, SumOrder
+from ahgateway.core.dialect import DEFAULT, Integrator, SumOrder, TsSource
 from ahgateway.errors import ProfileError
 from ahgateway.schema.profile import load
 
@@ -91,3 +91,14 @@ def test_a_profile_without_the_loop_is_not_touched(recording: Path, tmp_path: Pa
     assert isinstance(done.exception, ProfileError)
     assert "no loop `L1`, it has TIC-9" in str(done.exception)
     assert path.read_text(encoding="utf-8") == PROFILE.replace("loops.L1", "loops.TIC-9")
+
+
+async def test_scans_longer_than_the_profile_allows_are_thought_of_before_no_dialect_fits(tmp_path: Path) -> None:
+    measured = DEFAULT._replace(ts_source=TsSource.MS)
+    run = Run(tmp_path / "late.ahrec", World("DPID", GAINS, scan_ms=17, loop_changes={"dialect": measured}))
+    await run.polls(160)
+    run.close()
+    found = RUNNER.invoke(app, ["identify", str(tmp_path / "late.ahrec")])
+
+    assert 1 == found.exit_code, found.output
+    assert "scan_ms_max = 10 ms; if scans can be longer, raise it" in found.output
