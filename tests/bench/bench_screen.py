@@ -9,10 +9,9 @@ time, so that an hour takes about twenty minutes.
 from __future__ import annotations
 
 import asyncio
-import gc
+import resource
 import sys
 import time
-import tracemalloc
 
 from tui.hundred_world import HundredWorld
 
@@ -35,13 +34,9 @@ async def main() -> None:
         for minute in range(minutes):
             await world.run(60.0)
             await pilot.pause()
-            if minute == 0:
-                tracemalloc.start()
-            if minute % REPORT_MINUTES == REPORT_MINUTES - 1:
-                gc.collect()
-                traced = tracemalloc.get_traced_memory()[0] / 1e6
-                say(f"minute {minute + 1}: {traced:.2f} MB since the first minute, {world.app.redraws} redraws")
-        tracemalloc.stop()
+            if minute % REPORT_MINUTES == REPORT_MINUTES - 1 or minute == 0:
+                held = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
+                say(f"minute {minute + 1}: {held:.1f} MB held at most, {world.app.redraws} redraws")
         counts = [watch.follower.summary() for watch in world.monitor.watches]
         say(f"proven {sum(each.proven for each in counts)} of {sum(each.total for each in counts)} executions")
         for page in ("loops", "loop", "link", "log"):

@@ -8,13 +8,9 @@ from typing import Any
 import pytest
 from lockstep.other_world import OtherWorld
 
-from ahgateway.clock import VirtualClock
 from ahgateway.core.controllers import CONTROLLERS
 from ahgateway.core.verdict import Verdict, Weight
 from ahgateway.lockstep.judge import Execution
-from ahgateway.transports.base import Link
-from ahgateway.transports.server import serve_tcp
-from ahgateway.transports.uri import open_link, parse_uri
 
 BLOCKS = ["PID_Temp", "PID_REG_CE", "MELSEC_PID"]
 
@@ -190,27 +186,3 @@ async def test_calls_that_change_nothing_are_counted_where_something_counts() ->
 
     assert {event.verdict for event in executions[3:]} == {Verdict.MATCH}
     assert {event.weight for event in executions} >= {Weight.TRIVIAL, Weight.INFORMATIVE}
-
-
-@pytest.mark.parametrize("wire", ["modbus+tcp", "modbus+rtu+tcp"])
-@pytest.mark.parametrize("name", BLOCKS)
-async def test_blocks_are_proven_over_a_socket(name: str, wire: str) -> None:
-    from ahgateway.clock import WallClock
-    from ahgateway.transports.framing import Mbap
-    from ahgateway.transports.rtu import RtuRequests
-
-    ground = OtherWorld(name, counter=True)
-    framing = Mbap if wire == "modbus+tcp" else RtuRequests
-    server = await serve_tcp(ground.plc, "127.0.0.1", 0, framing=framing)
-    link: Link = open_link(parse_uri(f"{wire}://127.0.0.1:{server.port}?unit=1"), WallClock())
-    ground.sampler._link = link
-    assert isinstance(ground.clock, VirtualClock)
-    try:
-        await begun_in(ground, name)
-        await ground.follow(80)
-    finally:
-        await link.close()
-        await server.close()
-
-    assert diverged(ground) == []
-    assert ground.follower.summary().proven > 10
