@@ -15,7 +15,7 @@ from lockstep.dialect_traces import loop_of, trace
 from ahgateway.core.dialect import AXES, Dialect, IntegralStore
 from ahgateway.lockstep.identify import Identification, identify
 
-pytestmark = pytest.mark.timeout(600)
+pytestmark = [pytest.mark.timeout(600), pytest.mark.xdist_group("compiled-search")]
 """Compiling takes half a minute of a free core, and a block of dialects about as long."""
 
 SEEDS = 10
