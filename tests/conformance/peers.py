@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import signal
+import subprocess
+import sys
 import tempfile
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from pathlib import Path
 
 from ahgateway.codec.access import Read, Request, Table
@@ -17,6 +20,23 @@ from ahgateway.transports.rtu import RtuReplies, RtuRequests
 
 CLIENT: dict[str, type[Framing]] = {"tcp": Mbap, "rtu": RtuReplies, "ascii": AsciiReplies}
 SERVER: dict[str, type[Framing]] = {"tcp": Mbap, "rtu": RtuRequests, "ascii": AsciiRequests}
+
+AHGATEWAY = [sys.executable, "-m", "ahgateway.cli.main"]
+
+
+@contextlib.contextmanager
+def plc_process(profile: str) -> Iterator[str]:
+    """A profile's fake PLC in a process of its own, which must end well; gives its target."""
+    process = subprocess.Popen(
+        [*AHGATEWAY, "fake", profile, "--tcp", "0"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout is not None
+        yield f"modbus+tcp://127.0.0.1:{int(process.stdout.readline())}?unit=1"
+    finally:
+        process.send_signal(signal.SIGTERM)
+        _, said = process.communicate(timeout=20)
+        assert process.returncode == 0, said
 
 
 class TinyPlc:

@@ -5,14 +5,12 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
-import signal
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from conformance.peers import serial_pair
+from conformance.peers import AHGATEWAY, plc_process, serial_pair
 
 from ahgateway.apps.check.live import LiveBench
 from ahgateway.apps.check.result import Verdict
@@ -28,7 +26,6 @@ from ahgateway.transports.serial_server import serve_serial
 
 pytestmark = pytest.mark.slow
 
-AHGATEWAY = [sys.executable, "-m", "ahgateway.cli.main"]
 STEP = """
 title = "A step in real time"
 instruction = "DPIDE"
@@ -67,16 +64,8 @@ def standing(target: str) -> tuple[str, ...]:
 @pytest.fixture
 def bench_plc() -> Iterator[str]:
     """A PLC whose loops have no process, in a process of its own; gives its target."""
-    process = subprocess.Popen(
-        [*AHGATEWAY, "fake", "live_bench", "--tcp", "0"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    try:
-        assert process.stdout is not None
-        yield f"modbus+tcp://127.0.0.1:{int(process.stdout.readline())}?unit=1"
-    finally:
-        process.send_signal(signal.SIGTERM)
-        _, said = process.communicate(timeout=20)
-        assert process.returncode == 0, said
+    with plc_process("live_bench") as target:
+        yield target
 
 
 def test_a_bench_behind_a_socket_is_driven_and_put_back(bench_plc: str, tmp_path: Path) -> None:

@@ -6,15 +6,13 @@ import json
 import re
 import signal
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from conformance.peers import AHGATEWAY, plc_process
 
 pytestmark = pytest.mark.slow
-
-AHGATEWAY = [sys.executable, "-m", "ahgateway.cli.main"]
 
 
 def run(*arguments: str, timeout_s: float = 60.0) -> subprocess.CompletedProcess[str]:
@@ -24,16 +22,8 @@ def run(*arguments: str, timeout_s: float = 60.0) -> subprocess.CompletedProcess
 @pytest.fixture
 def fake_plc() -> Iterator[str]:
     """The demo's PLC in a process of its own; gives its target."""
-    process = subprocess.Popen(
-        [*AHGATEWAY, "fake", "demo", "--tcp", "0"], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    )
-    try:
-        assert process.stdout is not None
-        yield f"modbus+tcp://127.0.0.1:{int(process.stdout.readline())}?unit=1"
-    finally:
-        process.send_signal(signal.SIGTERM)
-        _, said = process.communicate(timeout=20)
-        assert process.returncode == 0, said
+    with plc_process("demo") as target:
+        yield target
 
 
 def test_demo_finds_exactly_the_planted_fault_and_its_recording_comes_to_the_same_verdicts(tmp_path: Path) -> None:
