@@ -54,9 +54,11 @@ def is_ours(url: str) -> bool:
 
 async def zoomed(browser: Browser, since_s: float, until_s: float) -> dict[str, list[float]]:
     """Columns of the trend once the page shows these seconds; what is not known is NaN."""
-    before = await browser.ask("ahgateway.trend.asked")
-    await browser.ask(f"ahgateway.trend.times.setv({{start: {since_s * 1000}, end: {until_s * 1000}}}), 1")
-    await browser.until(f"ahgateway.trend.asked > {before} && !ahgateway.trend.isBusy")
+    start, end = since_s * 1000, until_s * 1000
+    await browser.ask(f"ahgateway.trend.times.setv({{start: {start}, end: {end}}}), 1")
+    # An answer under way when the range moved is about the range before it.
+    shown = "ahgateway.trend.filled"
+    await browser.until(f"{shown}?.start === {start} && {shown}?.end === {end} && !ahgateway.trend.isBusy")
     found = await browser.ask(
         "Object.fromEntries(Object.entries(ahgateway.trend.curves.data)"
         ".map(([name, values]) => [name, Array.from(values, x => isNaN(x) ? null : x)]))"

@@ -14,6 +14,7 @@ export class Trend {
     this.wanted = null;
     this.isBusy = false;
     this.asked = 0;
+    this.filled = null;
     live.addEventListener("click", () => this.follow(true));
     spans.addEventListener("click", (event) => {
       const span = event.target.dataset.span;
@@ -104,10 +105,10 @@ export class Trend {
     const slow = setTimeout(() => { this.reading.textContent = "reading the recording …"; }, 400);
     do {
       this.wanted = false;
-      const width = (this.times.end - this.times.start) / 1000, edge = 0.25 * width;
-      const name = this.name, slices = Math.max(100, Math.min(2000, Math.round(this.place.clientWidth / 1.5)));
-      const found = await get("trend", { loop: name, since: this.times.start / 1000 - edge, until: this.times.end / 1000 + edge, slices });
-      if (found && name === this.name) this.fill(found);
+      const name = this.name, { start, end } = this.times, edge = 0.25 * (end - start) / 1000;
+      const slices = Math.max(100, Math.min(2000, Math.round(this.place.clientWidth / 1.5)));
+      const found = await get("trend", { loop: name, since: start / 1000 - edge, until: end / 1000 + edge, slices });
+      if (found && name === this.name) { this.fill(found); this.filled = { start, end }; }
     } while (this.wanted);
     clearTimeout(slow);
     this.reading.textContent = "";
