@@ -41,6 +41,9 @@ class _Ascii:
         body = bytes((unit,)) + pdu
         return _START + (body + bytes((lrc(body),))).hex().upper().encode() + _END
 
+    def frame_size(self, pdu_size: int) -> int:
+        return len(_START) + 2 * (1 + pdu_size + 1) + len(_END)
+
     def drain(self) -> bytes:
         dropped = bytes(self._rest)
         self._drop(len(dropped))

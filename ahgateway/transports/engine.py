@@ -192,7 +192,7 @@ class Engine:
         job.sent_ns = now_ns
         job.deadline_ns = now_ns + self._timeout_ns
         if self._limits.byte_ns:
-            job.deadline_ns += self._limits.byte_ns * (len(frame) + len(self.framing.wrap(0, 0, bytes(job.shape.size))))
+            job.deadline_ns += self._limits.byte_ns * (len(frame) + self.framing.frame_size(job.shape.size))
         self._flying[tag] = job
         self._figures.requests += 1
         self._noisy_since_ns = None

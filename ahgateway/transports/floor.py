@@ -7,22 +7,18 @@ request and behind the reply; ASCII has none.
 from __future__ import annotations
 
 from ahgateway.codec.access import Request
+from ahgateway.transports.ascii import AsciiReplies
 from ahgateway.transports.line import Line
 from ahgateway.transports.pdu import encode_request, reply_shape
-
-_RTU_EXTRA = 3
-"""Unit and CRC."""
-_ASCII_EXTRA = 5
-"""Colon, the two digits of the checksum, CR LF; unit and PDU take two digits a byte."""
+from ahgateway.transports.rtu import RtuReplies
 
 
 def floor_ns(request: Request, line: Line, *, is_rtu: bool) -> int:
     """Return the shortest legal time from the start of a request to the start of the next one."""
     pdu = encode_request(request)
-    sizes = (len(pdu), reply_shape(request, pdu).size)
-    if is_rtu:
-        return sum(size + _RTU_EXTRA for size in sizes) * line.byte_ns + 2 * line.gap_ns
-    return sum(2 * (1 + size) + _ASCII_EXTRA for size in sizes) * line.byte_ns
+    framing = RtuReplies() if is_rtu else AsciiReplies()
+    size = framing.frame_size(len(pdu)) + framing.frame_size(reply_shape(request, pdu).size)
+    return size * line.byte_ns + (2 * line.gap_ns if is_rtu else 0)
 
 
 def round_trip_floor_ns(request: Request, line: Line, *, is_rtu: bool) -> int:

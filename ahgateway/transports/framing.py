@@ -54,6 +54,9 @@ class Framing(Protocol):
     def wrap(self, tag: int, unit: int, pdu: bytes) -> bytes:
         """Return the frame that carries `pdu`."""
 
+    def frame_size(self, pdu_size: int) -> int:
+        """Return how many bytes a frame has that carries a PDU of this size."""
+
     def expect(self, unit: int, head: bytes, size: int) -> None:
         """Say which reply is waited for, until it is there or `drain`: unit, first bytes and size of its PDU."""
 
@@ -87,6 +90,9 @@ class Mbap:
 
     def wrap(self, tag: int, unit: int, pdu: bytes) -> bytes:
         return _HEADER.pack(tag, 0, len(pdu) + 1, unit) + pdu
+
+    def frame_size(self, pdu_size: int) -> int:
+        return _HEADER_SIZE + pdu_size
 
     def expect(self, unit: int, head: bytes, size: int) -> None:
         """Nothing to prepare: the transaction number tells the replies apart."""

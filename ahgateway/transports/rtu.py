@@ -44,6 +44,9 @@ class _Rtu:
         frame = bytes((unit,)) + pdu
         return frame + crc(frame)
 
+    def frame_size(self, pdu_size: int) -> int:
+        return 1 + pdu_size + _CRC_SIZE
+
     def drain(self) -> bytes:
         dropped = bytes(self._rest)
         self._drop(len(dropped))
@@ -74,7 +77,7 @@ class RtuReplies(_Rtu):
 
     def expect(self, unit: int, head: bytes, size: int) -> None:
         self._wanted = (
-            (bytes((unit,)) + head, 1 + size + _CRC_SIZE),
+            (bytes((unit,)) + head, self.frame_size(size)),
             (bytes((unit, head[0] | EXCEPTION_BIT)), _EXCEPTION_FRAME_SIZE),
         )
 

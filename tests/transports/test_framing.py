@@ -45,6 +45,11 @@ def test_golden_requests_are_built_and_found(framing: type[Framing], frame: byte
     assert [adu, adu] == framing().feed(frame + frame)
 
 
+@pytest.mark.parametrize(("framing", "frame", "adu"), REQUESTS)
+def test_the_size_of_a_frame_is_known_from_that_of_its_pdu(framing: type[Framing], frame: bytes, adu: Adu) -> None:
+    assert len(frame) == framing().frame_size(len(adu.pdu))
+
+
 @pytest.mark.parametrize(("framing", "frame", "adu", "head", "size"), REPLIES)
 def test_golden_replies_are_built_and_found(
     framing: type[Framing], frame: bytes, adu: Adu, head: bytes, size: int
