@@ -227,8 +227,9 @@ class Inquiry:
         known = {rival.suspect.key for rival in laws}
         events = [key for key, count in self._seen.items() if self._is_event(key, count) and key not in known]
         events.sort(key=lambda key: (total >= REPEATED_MIN and key[0] == "operand-written", -self._seen[key]))
-        # What an event explains by bits each time stands before a law of which a size has to be fitted.
-        is_fitted = all(rival.suspect.estimate is not None for rival in laws)
+        # What an event explains by bits each time stands before a law of which a size has to be fitted, until one
+        # size fits twice: two writes that happen to follow one factor are not to be expected.
+        is_fitted = all(rival.suspect.estimate is not None and rival.explained < 2 for rival in laws)
         early = total < REPEATED_MIN and is_fitted
         first = [
             key

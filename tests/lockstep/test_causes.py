@@ -135,6 +135,20 @@ async def test_an_integral_written_once_is_no_gain() -> None:
     assert "operand-written" == first(ground).cause
 
 
+async def test_a_gain_that_fits_two_executions_stands_before_two_writes() -> None:
+    ground = World("DPID", {"Kp": 1.7, "Ki": 0.35, "Kd": 0.35, "PID_MAN": True, "MOUT": 60.0, "SV": 60.0}, seed=3)
+    await ground.follow(40)
+    ground.plc.fail("L1", "ki-1-percent")
+    ground.plc.write("L1", "PID_MAN", False)
+    await ground.follow(11)  # a transfer and two executions
+    ground.plc.write("L1", "PID_MAN", True)
+    await ground.follow(20)
+
+    assert 2 == ground.follower.counts.diverged
+    assert ("gain", "Ki") == first(ground).key[:2]
+    assert "operand-written" in {suspect.cause for suspect in ground.follower.suspects}
+
+
 async def test_what_nothing_explains_is_unknown_and_says_for_how_many() -> None:
     fault = wrong(
         lambda inputs, state, dialect, ts: (
