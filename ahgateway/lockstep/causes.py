@@ -25,6 +25,7 @@ from ahgateway.lockstep.shadow import Fit, explain, is_settled, judged_names, sa
 from ahgateway.lockstep.suspects import (
     Blame,
     Estimate,
+    Key,
     Suspect,
     Twist,
     doubled,
@@ -51,6 +52,20 @@ MEASURED_MIN, MEASURED_MAX = 0.5, 2.0
 """A measured interval is CYCLE but for scans; outside of this it is another cause."""
 
 
+class _Noticing:
+    """A dialect that notes which of its axes were read."""
+
+    __slots__ = ("_dialect", "read")
+
+    def __init__(self, dialect: Any) -> None:
+        self._dialect = dialect
+        self.read: set[str] = set()
+
+    def __getattr__(self, name: str) -> Any:
+        self.read.add(name)
+        return getattr(self._dialect, name)
+
+
 @dataclass(frozen=True, slots=True)
 class _Case:
     """One diverged execution as the hypotheses see it."""
@@ -60,6 +75,11 @@ class _Case:
     before: Picture
     after: Picture
     names: tuple[str, ...]
+    wanted: frozenset[Key] = frozenset()
+
+    def asks(self, cause: str, operand: str = "", setting: str = "") -> bool:
+        """Tell whether this cause is wanted; all are where none is named."""
+        return not self.wanted or (cause, operand, setting) in self.wanted
 
     @property
     def controller(self) -> Controller:
@@ -94,6 +114,14 @@ class _Case:
     def reproduces(self, words: Mapping[str, REAL]) -> bool:
         return same_words(self.names, words, self.seen)
 
+    def axes_read(self) -> frozenset[str]:
+        """Axes of the dialect that the law reads here: another value of any other one changes nothing."""
+        if not is_settled(self.fit.before):
+            return frozenset(AXES)
+        noticing: Any = _Noticing(self.loop.dialect)
+        self.run(dialect=noticing)
+        return frozenset(noticing.read)
+
     def holds(self, twist: Twist) -> bool:
         """Tell whether the law with this in it leaves what the PLC wrote, from a state that may be open."""
         other = twist(self.loop)
@@ -110,9 +138,17 @@ class _Case:
         return bool(explain(other, (self.fit.before,), [self.fit.inputs], self.seen, self.names).fits)
 
 
-def blame(loop: Loop, fit: Fit, before: Picture, after: Picture) -> Blame:
-    """Say which term left first, and what reproduces what the PLC wrote."""
-    case = _Case(loop, fit, before, after, judged_names(loop))
+def blame(loop: Loop, fit: Fit, before: Picture, after: Picture, known: tuple[Suspect, ...] = ()) -> Blame:
+    """Say which term left first, and what reproduces what the PLC wrote.
+
+    Args:
+        loop: The loop.
+        fit: The execution as the reference came closest to it.
+        before: Picture before it.
+        after: Picture behind it.
+        known: Only these causes are asked for, where any are given; trying all costs a hundred times as much.
+    """
+    case = _Case(loop, fit, before, after, judged_names(loop), frozenset(each.key for each in known))
     suspects = [suspect for hypothesis in HYPOTHESES for suspect in hypothesis(case)]
     if is_settled(fit.before) and all(suspect.twist is None for suspect in suspects):
         suspects.extend(_two_axes(case))
@@ -176,7 +212,7 @@ def _other_modes(case: _Case) -> list[Suspect]:
         ("pid_de", "dialect", "D acts on {} although PID_DE says otherwise"),
         ("pid_eq", "dialect", "the other form of PID_EQ is computed"),
     ):
-        if not hasattr(case.fit.inputs, attr):
+        if not hasattr(case.fit.inputs, attr) or not case.asks(cause, attr.upper()):
             continue
         value = not getattr(case.fit.inputs, attr)
         if case.holds(flipped(attr)):
@@ -187,6 +223,8 @@ def _other_modes(case: _Case) -> list[Suspect]:
 
 def _stale_pv(case: _Case) -> list[Suspect]:
     """The PV of an earlier execution was used."""
+    if not case.asks("stale-pv", "PV"):
+        return []
     names = tuple(name for name in case.names if name not in _pv_names(case))
     for pv, text in ((case.fit.before.low.pv1, "the PV of the execution before"), (case.before.inputs.pv, "an old PV")):
         words, _ = case.run(case.fit.inputs._replace(pv=pv))
@@ -205,13 +243,16 @@ def _other_dialect(case: _Case) -> list[Suspect]:
     found = []
     # From a state that is open each value costs a search, and only a transfer is worth it: its integral hides nothing.
     is_open = not is_settled(case.fit.before)
+    read = case.axes_read()
     for axis, values in AXES.items():
+        if axis not in read or (is_open and BY_NAME[axis].group != "transfer"):
+            continue
         for value in values:
-            if value == getattr(case.loop.dialect, axis) or (is_open and BY_NAME[axis].group != "transfer"):
+            setting = f"{axis} = {value.name.lower()}"
+            if value == getattr(case.loop.dialect, axis) or not case.asks("dialect", "", setting):
                 continue
             other: Any = {axis: value}
             if case.holds(in_dialect(**other)):
-                setting = f"{axis} = {value.name.lower()}"
                 found.append(Suspect("dialect", f"{setting} reproduces it", setting=setting, twist=in_dialect(**other)))
     return found
 
@@ -223,7 +264,7 @@ def _without(case: _Case) -> list[Suspect]:
         if row.kind is not Kind.REAL or row.name in ("SV", "PV", "MV", "MOUT", "MV_MAX", "MV_MIN"):
             continue
         held = getattr(case.fit.inputs, row.attr)
-        if held == 0 or not case.holds(zeroed(row.attr)):
+        if held == 0 or not case.asks("gain", row.name, "off") or not case.holds(zeroed(row.attr)):
             continue
         estimate = Estimate(0.0, 0.0, 0.0, row.unit, True)
         evidence = f"{row.name} acts as 0, its register holds {float(held):.7g}"
@@ -234,6 +275,8 @@ def _without(case: _Case) -> list[Suspect]:
 
 def _twice(case: _Case) -> list[Suspect]:
     """Two executions where the schedule allows one."""
+    if not case.asks("missed-execution"):
+        return []
     firsts = {bits(pv): pv for pv in (case.fit.inputs.pv, case.before.inputs.pv, case.after.inputs.pv)}
     span = case.span(case.fit.inputs, None)
     for pv in firsts.values():
@@ -275,9 +318,10 @@ def _gains(case: _Case) -> list[Suspect]:
     found = [
         _gain(case, operand.name, operand.attr)
         for operand in case.controller.operands
-        if operand.kind is Kind.REAL and operand.minimum == 0
+        if operand.kind is Kind.REAL and operand.minimum == 0 and case.asks("gain", operand.name)
     ]
-    suspects = [each for each in (*found, _cycle(case)) if each is not None]
+    cycle = _cycle(case) if case.asks("cycle", "CYCLE") else None
+    suspects = [each for each in (*found, cycle) if each is not None]
     return sorted(suspects, key=lambda each: (not (each.estimate and each.estimate.is_exact), abs(log(each.ratio))))
 
 
@@ -350,7 +394,8 @@ def _overwritten(case: _Case) -> list[Suspect]:
 def _integral(case: _Case) -> list[Suspect]:
     """Everything follows from another integral: somebody wrote it, or the instruction has summed another one."""
     ref, _ = case.run()
-    if same_bits(ref["I_MV"], case.seen["I_MV"]):
+    is_asked = case.asks("operand-written", "I_MV") or case.asks("integral", "I_MV")
+    if not is_asked or same_bits(ref["I_MV"], case.seen["I_MV"]):
         return []
     held = case.fit.before.low.i
     start = REAL(float(held) + float(case.seen["I_MV"]) - float(ref["I_MV"]))
@@ -384,6 +429,8 @@ def _rounding(case: _Case) -> list[Suspect]:
 
 def _two_axes(case: _Case) -> list[Suspect]:
     """The law under other values of two axes, of those that make a difference here at all."""
+    if case.wanted and not any(", " in setting for _, _, setting in case.wanted):
+        return []
     axes = list(case.loop.dialect._asdict().items())
     ref, _ = case.run()
     tried = [

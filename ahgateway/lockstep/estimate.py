@@ -61,13 +61,24 @@ def sized(words: Callable[[REAL], Words], seen: Words, held: float) -> Size | No
         found = words(from_order(position))
         return all(miss(found, seen, name) <= ULP_SLACK for name in NAMES)
 
-    for away in range(NEIGHBOURS + 1):
+    for away in range(NEIGHBOURS + 1) if _is_enclosed(words, seen, start) else ():
         hit = next((each for each in (start + away, start - away) if is_hit(each)), None)
         if hit is not None:
             return _size(hit, *_run(is_hit, hit, *edges), is_exact=True)
     if abs(ratio - 1.0) < RATIO_NEAR or not is_near(start):
         return None
     return _size(start, *_run(is_near, start, *edges), is_exact=False)
+
+
+def _is_enclosed(words: Callable[[REAL], Words], seen: Words, start: int) -> bool:
+    """Tell whether every word can lie within those of the outermost neighbours, but for what rounding adds."""
+    low, high = (words(from_order(start + away)) for away in (-NEIGHBOURS, NEIGHBOURS))
+    for name in NAMES:
+        first, last, target = float(low[name]), float(high[name]), float(seen[name])
+        slack = abs(last - first) + 2.0**-23 * ULP_SLACK * max(abs(first), abs(last), abs(target))
+        if not min(first, last) - slack <= target <= max(first, last) + slack:
+            return False
+    return True
 
 
 def miss(words: Words, seen: Words, name: str) -> float:

@@ -33,9 +33,7 @@ from ahgateway.lockstep.shadow import (
     patched,
     recalled,
 )
-from ahgateway.lockstep.suspects import Blame, Estimate, Suspect, agreeing, scaled, stretched
-
-Key = tuple[str, str, str]
+from ahgateway.lockstep.suspects import Blame, Estimate, Key, Suspect, agreeing, scaled, stretched
 
 RIVALS_MAX = 32
 SHARE_MIN = 0.85
@@ -202,7 +200,7 @@ class Inquiry:
         """What the PLC remembers by the likeliest cause; () when no law stands."""
         if self.suspects:
             for rival in self._rivals:
-                if rival.suspect.key == _law_key(self.suspects[0]):
+                if rival.suspect.key == self.suspects[0].key:
                     return tuple(bound for bound in rival.shadow if is_settled(bound))
         return ()
 
@@ -271,14 +269,9 @@ class Inquiry:
     def _ordered(self, suspects: tuple[Suspect, ...]) -> tuple[Suspect, ...]:
         """An execution's own suspects, those that stand for all of them first."""
         own = {suspect.key for suspect in suspects}
-        first = tuple(each for each in self.suspects if _law_key(each) in own or each.cause == "unknown")
-        keys = {_law_key(each) for each in first}
+        first = tuple(each for each in self.suspects if each.key in own or each.cause == "unknown")
+        keys = {each.key for each in first}
         return (*first, *(each for each in suspects if each.key not in keys and each.cause != "unknown")) or suspects
-
-
-def _law_key(suspect: Suspect) -> Key:
-    cause, operand, setting = suspect.key
-    return ("dialect" if cause == "firmware-change" else cause), operand, setting
 
 
 def _common(known: Suspect, fresh: Suspect) -> Suspect | None:

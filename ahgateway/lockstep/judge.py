@@ -163,7 +163,7 @@ def _same_fault(
     found = explain(loop, settled, variants, after.seen, judged_names(loop))
     if found.fits or found.nearest is None:
         return None
-    blamed = blame(loop, found.nearest, before, after)
+    blamed = blame(loop, found.nearest, before, after, suspects)
     kept = agreeing(suspects, blamed.suspects)
     if not kept:
         return None

@@ -15,6 +15,9 @@ from ahgateway.core.real import REAL
 RATIO_SPREAD = 2e-3
 """Estimates of one cause from two executions agree within this."""
 
+Key = tuple[str, str, str]
+"""Cause, operand and setting."""
+
 Twist = Callable[[Loop], Loop]
 """Makes of a loop the one whose law differs in just one way."""
 
@@ -65,9 +68,10 @@ class Suspect:
     twist: Twist | None = field(default=None, compare=False, repr=False)
 
     @property
-    def key(self) -> tuple[str, str, str]:
-        """What makes it the same suspect in another execution; its size apart."""
-        return self.cause, self.operand, self.setting
+    def key(self) -> Key:
+        """What makes it the same suspect in another execution: not its size, nor since when a dialect is another."""
+        cause = "dialect" if self.cause == "firmware-change" else self.cause
+        return cause, self.operand, self.setting
 
 
 @dataclass(frozen=True, slots=True)
