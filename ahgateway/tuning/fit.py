@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 import scipy  # its parts are loaded when they are first used: a monitor starts without them
+from numpy.typing import NDArray
 
 from ahgateway.tuning.models import Kind, Model, decays
 from ahgateway.tuning.record import Record

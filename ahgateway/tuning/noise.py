@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 import scipy  # its parts are loaded when they are first used
+from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
