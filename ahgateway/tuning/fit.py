@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy  # its parts are loaded when they are first used: a monitor starts without them
 from numpy.typing import NDArray
-from scipy import optimize, signal
 
 from ahgateway.tuning.models import Kind, Model, decays
 from ahgateway.tuning.record import Record
@@ -125,8 +125,8 @@ class _Problem:
         if colour is not None:
             # H⁻¹; its first sample is taken as it is, the free motion makes up for it.
             phi, c = colour
-            x = signal.lfilter([1.0, -phi], [1.0, c], raw, axis=0)
-            y = signal.lfilter([1.0, -phi], [1.0, c], self.y)
+            x = scipy.signal.lfilter([1.0, -phi], [1.0, c], raw, axis=0)
+            y = scipy.signal.lfilter([1.0, -phi], [1.0, c], self.y)
         scale = np.sqrt(np.sum(x**2, axis=0))
         scale[scale <= 0.0] = 1.0
         scaled = x / scale
@@ -137,7 +137,7 @@ class _Problem:
 def driven(model: Model, u: Array, ts_s: float) -> Array:
     """Answer of a model at rest to MV given as its deviation from the first sample, exact between samples."""
     pulse = model.pulse(ts_s)
-    moved: Array = signal.lfilter([0.0, *pulse.b], pulse.a, u)
+    moved: Array = scipy.signal.lfilter([0.0, *pulse.b], pulse.a, u)
     if pulse.delay == 0:
         return moved
     late = np.zeros_like(moved)
@@ -171,7 +171,7 @@ def fit(
     low, high = _bounds(problem)
     best: Any = None
     for start in _starts(problem) if near is None else [near.point]:
-        found = optimize.least_squares(
+        found = scipy.optimize.least_squares(
             problem.errors,
             np.clip(start, low + 1e-9, high - 1e-9),
             bounds=(low, high),
@@ -277,7 +277,7 @@ def _errors_at(problem: _Problem, values: Array) -> Array:
     errors: Array = problem.y - problem.regressors(point) @ linear
     colour = problem.noise_of(point)
     if colour is not None:
-        errors = signal.lfilter([1.0, -colour[0]], [1.0, colour[1]], errors)
+        errors = scipy.signal.lfilter([1.0, -colour[0]], [1.0, colour[1]], errors)
     return errors
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy  # its parts are loaded when they are first used
 from numpy.typing import NDArray
-from scipy import stats
 
 Array = NDArray[np.float64]
 
@@ -80,4 +80,4 @@ def whiteness(residuals: Array, fitted: int) -> Whiteness:
         return Whiteness(0.0, lags, 1.0)
     correlations = np.array([float(centred[k:] @ centred[:-k]) / power for k in range(1, lags + 1)])
     statistic = float(n * (n + 2) * np.sum(correlations**2 / (n - np.arange(1, lags + 1))))
-    return Whiteness(statistic, lags, float(stats.chi2.sf(statistic, max(1, lags - fitted))))
+    return Whiteness(statistic, lags, float(scipy.special.chdtrc(max(1, lags - fitted), statistic)))

@@ -9,6 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from conformance.patience import PatientClock, PatientLoop
 from conformance.peers import CLIENT, SERVER, TinyPlc, serial_pair
 
 from ahgateway.clock import MILLISECOND, VirtualClock, WallClock
@@ -27,6 +28,7 @@ from ahgateway.transports.server import serve_tcp
 from ahgateway.transports.slots import take_slot
 from ahgateway.transports.tcp import TcpLink
 
+LOOP = PatientLoop
 POLL = Read(1, Table.INPUT, 1, 2)
 
 
@@ -163,7 +165,7 @@ async def test_the_profile_s_deadline_holds_on_a_link(wire: str) -> None:
     server = await serve_tcp(plc, framing=SERVER[wire])
     pacing = Pacing(pause_between_requests_ms=5000, request_wait_max_ms=30)
     link = TcpLink(
-        "127.0.0.1", server.port, clock=WallClock(), pacing=pacing, framing=CLIENT[wire], quiet_ns=MILLISECOND
+        "127.0.0.1", server.port, clock=PatientClock(), pacing=pacing, framing=CLIENT[wire], quiet_ns=MILLISECOND
     )
     if wire == "tcp":
         await link.exchange(POLL)
@@ -194,7 +196,7 @@ def test_the_line_rests_after_each_reply_as_its_share_says(clock: VirtualClock, 
 async def test_a_request_whose_caller_gave_up_is_not_sent() -> None:
     plc = TinyPlc()
     server = await serve_tcp(plc)
-    link = TcpLink("127.0.0.1", server.port, clock=WallClock(), pacing=Pacing(pause_between_requests_ms=40))
+    link = TcpLink("127.0.0.1", server.port, clock=PatientClock(), pacing=Pacing(pause_between_requests_ms=40))
     await link.exchange(POLL)
     with pytest.raises(TimeoutError):
         async with asyncio.timeout(0.005):
@@ -210,7 +212,7 @@ async def test_an_idle_connection_is_closed_and_made_again_when_it_is_needed(wir
     server = await serve_tcp(TinyPlc(), framing=SERVER[wire])
     pacing = Pacing(close_when_idle_ms=40)
     link = TcpLink(
-        "127.0.0.1", server.port, clock=WallClock(), pacing=pacing, framing=CLIENT[wire], quiet_ns=MILLISECOND
+        "127.0.0.1", server.port, clock=PatientClock(), pacing=pacing, framing=CLIENT[wire], quiet_ns=MILLISECOND
     )
     for _ in range(2):
         assert (7, 14) == (await link.exchange(POLL)).values
@@ -227,7 +229,7 @@ async def test_an_idle_connection_is_closed_and_made_again_when_it_is_needed(wir
 
 async def test_a_connection_in_use_is_not_closed() -> None:
     server = await serve_tcp(TinyPlc())
-    link = TcpLink("127.0.0.1", server.port, clock=WallClock(), pacing=Pacing(close_when_idle_ms=40))
+    link = TcpLink("127.0.0.1", server.port, clock=PatientClock(), pacing=Pacing(close_when_idle_ms=40))
     since = (await link.exchange(POLL)).aligned_since_ns
     for _ in range(20):
         await asyncio.sleep(0.005)
@@ -264,7 +266,9 @@ async def test_an_idle_serial_port_is_released_for_others() -> None:
 
 async def test_one_connection_more_than_allowed_is_refused_here() -> None:
     server = await serve_tcp(TinyPlc())
-    links = [TcpLink("127.0.0.1", server.port, clock=WallClock(), pacing=Pacing(connections_max=2)) for _ in range(3)]
+    links = [
+        TcpLink("127.0.0.1", server.port, clock=PatientClock(), pacing=Pacing(connections_max=2)) for _ in range(3)
+    ]
     for link in links[:2]:
         await link.exchange(POLL)
     with pytest.raises(LinkError, match="2 connections to it from this machine, as many as the pacing allows"):
@@ -295,7 +299,7 @@ asyncio.run(hold())
 @pytest.mark.slow
 async def test_connections_of_another_process_count_until_it_is_killed() -> None:
     server = await serve_tcp(TinyPlc())
-    link = TcpLink("127.0.0.1", server.port, clock=WallClock(), pacing=Pacing(connections_max=1))
+    link = TcpLink("127.0.0.1", server.port, clock=PatientClock(), pacing=Pacing(connections_max=1))
     holder = await asyncio.create_subprocess_exec(
         sys.executable, "-c", HOLDER, str(server.port), stdout=asyncio.subprocess.PIPE
     )

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
+from conformance.patience import PatientClock, PatientLoop
 from conformance.peers import CLIENT, SERVER, TinyPlc, serial_pair
 from typer.testing import CliRunner
 
@@ -28,7 +29,10 @@ from ahgateway.transports.server import serve_tcp
 from ahgateway.transports.tcp import TcpLink
 from ahgateway.transports.uri import parse_uri
 
+LOOP = PatientLoop
 FAST = Pacing(reply_timeout_ms=150)
+OVER_A_PORT = Pacing(reply_timeout_ms=1000)
+"""A serial port lives in a thread of its own, on the time of this machine, which may be busy."""
 SCHEMES = {"tcp": "modbus+tcp", "rtu": "modbus+rtu+tcp", "ascii": "modbus+ascii+tcp"}
 
 
@@ -43,7 +47,7 @@ async def between(wire: str, *rules: Rule, seed: int = 0) -> AsyncIterator[Bench
     server = await serve_tcp(TinyPlc(), framing=SERVER[wire])
     said: list[tuple[int, Fault, str]] = []
     target = parse_uri(f"{SCHEMES[wire]}://127.0.0.1:{server.port}")
-    proxy = FaultProxy(target, Script(rules, seed), WallClock(), lambda *what: said.append(what))
+    proxy = FaultProxy(target, Script(rules, seed), PatientClock(), lambda *what: said.append(what))
     await proxy.listen("127.0.0.1", 0)
     link = link_to(proxy.port, wire)
     yield Bench(link, proxy, said)
@@ -52,8 +56,9 @@ async def between(wire: str, *rules: Rule, seed: int = 0) -> AsyncIterator[Bench
     await server.close()
 
 
-def link_to(port: int, wire: str) -> TcpLink:
-    return TcpLink("127.0.0.1", port, clock=WallClock(), pacing=FAST, framing=CLIENT[wire], quiet_ns=5 * MILLISECOND)
+def link_to(port: int, wire: str, pacing: Pacing = FAST) -> TcpLink:
+    clock = PatientClock()
+    return TcpLink("127.0.0.1", port, clock=clock, pacing=pacing, framing=CLIENT[wire], quiet_ns=5 * MILLISECOND)
 
 
 @pytest.mark.parametrize("wire", SCHEMES)
@@ -111,7 +116,7 @@ async def test_it_stands_before_a_serial_port() -> None:
         script = Script((Rule((Fault.CORRUPTED,), first=3, last=3),))
         proxy = FaultProxy(target, script, WallClock(), lambda number, fault, what: said.append(fault))
         await proxy.listen("127.0.0.1", 0)
-        link = link_to(proxy.port, "rtu")
+        link = link_to(proxy.port, "rtu", OVER_A_PORT)
         assert (7, 14) == (await link.exchange(Read(1, Table.INPUT, 1, 2))).values
         with pytest.raises(AhGatewayError):
             await link.exchange(Read(1, Table.INPUT, 2, 2))
@@ -133,7 +138,7 @@ async def test_it_stands_between_two_serial_ports(wire: str) -> None:
         proxy = FaultProxy(target, script, WallClock(), lambda number, fault, what: said.append(fault))
         await proxy.listen_on(Line(proxy_in, 115200, "N"))
         line, scheme = Line(our_end, 115200, "N"), f"modbus+{wire}"
-        link = SerialLink(line, clock=WallClock(), pacing=Pacing(500), framing=CLIENT[wire], scheme=scheme)
+        link = SerialLink(line, clock=WallClock(), pacing=OVER_A_PORT, framing=CLIENT[wire], scheme=scheme)
         assert (7, 14) == (await link.exchange(Read(1, Table.INPUT, 1, 2))).values
         with pytest.raises(AhGatewayError):
             await link.exchange(Read(1, Table.INPUT, 2, 2))

@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 
 import pytest
+from conformance.patience import PatientClock, PatientLoop
 from conformance.peers import CLIENT, SERVER, TinyPlc
 
-from ahgateway.clock import VirtualClock, WallClock
+from ahgateway.clock import VirtualClock
 from ahgateway.codec.access import Read, Table
 from ahgateway.codec.station import Pacing
 from ahgateway.errors import LinkError
@@ -15,6 +16,7 @@ from ahgateway.transports.base import Frame
 from ahgateway.transports.server import serve_tcp
 from ahgateway.transports.tcp import TcpLink
 
+LOOP = PatientLoop
 READ = "{tag:04X} 0000 0006 {unit:02X} 04 {address:04X} 0001"
 
 
@@ -69,7 +71,7 @@ async def test_garbage_closes_the_connection_and_only_that() -> None:
     with pytest.raises((asyncio.IncompleteReadError, ConnectionError)):
         await reader.readexactly(1)
     writer.close()
-    link = TcpLink("127.0.0.1", server.port, clock=WallClock())
+    link = TcpLink("127.0.0.1", server.port, clock=PatientClock())
     assert (7,) == (await link.exchange(Read(1, Table.INPUT, 1, 1))).values
     await link.close()
     await server.close()
@@ -77,8 +79,8 @@ async def test_garbage_closes_the_connection_and_only_that() -> None:
 
 async def test_a_connection_beyond_the_limit_is_closed_and_the_client_says_what_it_may_be() -> None:
     server = await serve_tcp(TinyPlc(), connections_max=1)
-    first = TcpLink("127.0.0.1", server.port, clock=WallClock())
-    second = TcpLink("127.0.0.1", server.port, clock=WallClock(), pacing=Pacing(reply_timeout_ms=100))
+    first = TcpLink("127.0.0.1", server.port, clock=PatientClock())
+    second = TcpLink("127.0.0.1", server.port, clock=PatientClock(), pacing=Pacing(reply_timeout_ms=100))
     await first.exchange(Read(1, Table.INPUT, 1, 1))
     with pytest.raises(LinkError) as caught:
         await second.exchange(Read(1, Table.INPUT, 1, 1))
@@ -100,7 +102,7 @@ async def test_a_port_that_is_taken_is_named() -> None:
 async def test_the_server_can_be_tapped_and_answers_no_broadcast(wire: str) -> None:
     frames: list[Frame] = []
     server = await serve_tcp(TinyPlc(), framing=SERVER[wire], clock=VirtualClock(), tap=frames.append)
-    link = TcpLink("127.0.0.1", server.port, clock=WallClock(), framing=CLIENT[wire])
+    link = TcpLink("127.0.0.1", server.port, clock=PatientClock(), framing=CLIENT[wire])
     await link.exchange(Read(1, Table.INPUT, 1, 1))
     assert [">", "<"] == [frame.direction for frame in frames][-2:]
     await link.close()
@@ -114,12 +116,11 @@ async def test_a_peer_that_asks_and_never_reads_does_not_fill_our_memory() -> No
     writer.transport.pause_reading()  # type: ignore[attr-defined]
     request = bytes.fromhex("0001 0000 0006 01 03 0000 007D")
     writer.write(request * 60_000)
-    for _ in range(200):
-        await asyncio.sleep(0)
-    answered = len(plc.seen)
-    for _ in range(50):
-        await asyncio.sleep(0)
-    assert answered == len(plc.seen) < 60_000
+    answered = -1
+    while answered < len(plc.seen):
+        answered = len(plc.seen)
+        await asyncio.sleep(0.05)
+    assert answered < 60_000
     writer.transport.abort()
     await server.close()
     assert reader is not None
