@@ -27,6 +27,11 @@ class AhGatewayError(Exception):
         self.message = message
         self.hint = hint
 
+    def add(self, text: str) -> None:
+        """Say also what came of it."""
+        self.message = f"{self.message}; {text}"
+        self.args = (self.message,)
+
 
 class ProfileError(AhGatewayError):
     """A file of the user's is wrong.

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ahgateway.cli.gate_place import gate_directory, loop_named, until_stopped, who_asks
+from ahgateway.cli.gate_place import gate_directory, legible, loop_named, until_stopped, who_asks
 from ahgateway.cli.tape import Record, Recorded, RecordFrames, one_loop, recorded
 from ahgateway.cli.view import Output
 
@@ -113,8 +113,9 @@ def commission(
         Patience(round(search * SECOND), round(idle * SECOND)),
     )  # fmt: skip
     asked = Asked(
-        auto, who_asks(by), tuple(instrument or ()), remarks, state or Path(f"commission-{found.name}.json"),
-        sheet or Path(f"commission-{found.name}.html"), fresh, save, directory, output, tape,
+        auto, who_asks(by), tuple(map(legible, instrument or ())), legible(remarks),
+        state or Path(f"commission-{found.name}.json"), sheet or Path(f"commission-{found.name}.html"), fresh, save,
+        directory, output, tape,
     )  # fmt: skip
     raise typer.Exit(asyncio.run(_commission(loaded, station, found, wishes, asked)))
 

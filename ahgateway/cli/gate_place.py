@@ -33,11 +33,17 @@ def gate_directory(station: Station, directory: Path | None) -> Iterator[Path]:
 def who_asks(by: str | None) -> str:
     """Return the name that was given, else that of the user of this machine."""
     if by:
-        return by
+        return legible(by)
     try:
-        return getpass.getuser()
+        return legible(getpass.getuser())
     except (OSError, KeyError, ImportError):
         return ""
+
+
+def legible(text: str) -> str:
+    """Return what a person typed, for paper and journal: no control characters, no bytes that are no text."""
+    text = text.encode("utf-8", "replace").decode("utf-8")
+    return "".join(sign if sign.isprintable() else " " for sign in text)
 
 
 def loop_named(station: Station, name: str | None) -> Loop:

@@ -13,6 +13,8 @@ from ahgateway.cli.view import Output
 
 app = typer.Typer(no_args_is_help=True, help="Check and read the journals of the write gate; sends nothing to any PLC.")
 
+HASH_DIGITS = 64
+
 FileArgument = Annotated[Path, typer.Argument(metavar="FILE", help="A journal, as `write` and `commission` name it.")]
 OutputOption = Annotated[Output, typer.Option(help="text for people, json for machines.")]
 
@@ -25,12 +27,13 @@ def verify(
 ) -> None:
     """Follow the chain of a journal; with --anchor, prove that nothing before that hash was changed.
 
-    Exit code 0 when it is whole and holds the anchor, 1 when not, 2 when it cannot be read.
+    Exit code 0 when it is whole and holds the anchor, 1 when not, 2 when it cannot be read, 3 when it holds no record.
 
     Example: ahgateway journal verify journal.jsonl --anchor 2c26b46b68ffc68f…
     """
     from ahgateway.lockstep.gate import journal
 
+    anchor = None if anchor is None else _whole_hash(anchor)
     found = journal.verify(file, anchor)
     lacks = anchor is not None and found.anchor_at is None
     if output is Output.JSON:
@@ -41,13 +44,26 @@ def verify(
         typer.echo(json.dumps(facts, ensure_ascii=False))
     else:
         count = f"{len(found.records)} record{'s' if len(found.records) != 1 else ''}"
-        typer.echo(f"{file}: {f'broken, {found.fault}' if found.fault else 'whole'}, {count}, last hash {found.last}")
+        state = f"broken, {found.fault}" if found.fault else "whole" if found.records else "empty, nothing was checked"
+        typer.echo(f"{file}: {state}, {count}, last hash {found.last}")
         if anchor is not None:
             where = "is not in it: what stands before it was changed" if lacks else f"is record {found.anchor_at}"
             typer.echo(f"anchor {anchor} {where}")
         if found.tail:
             typer.echo(f"the last line was cut short after {len(found.tail)} bytes")
-    raise typer.Exit(1 if found.fault or lacks else 0)
+    raise typer.Exit(1 if found.fault or lacks else 0 if found.records else 3)
+
+
+def _whole_hash(text: str) -> str:
+    from ahgateway.errors import ProfileError
+
+    digits = text.strip().lower()
+    if len(digits) != HASH_DIGITS or set(digits) - set("0123456789abcdef"):
+        raise ProfileError(
+            f"--anchor `{text}` is no hash, which has {HASH_DIGITS} hexadecimal digits",
+            hint="the whole of it stands on the sheet and behind every write; `journal show` cuts it short",
+        )
+    return digits
 
 
 @app.command()

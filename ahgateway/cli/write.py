@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from ahgateway.cli.gate_place import gate_directory, loop_named, until_stopped, who_asks
+from ahgateway.cli.gate_place import gate_directory, legible, loop_named, until_stopped, who_asks
 from ahgateway.cli.tape import Record, Recorded, RecordFrames, one_loop, recorded
 from ahgateway.cli.view import Output
 
@@ -61,7 +61,7 @@ def write(
     task = "restore" if restore else "accept" if accept else "write" if arm and not dry_run else "preview"
     with gate_directory(station, directory) as folder:
         tape = Recorded(record, record_frames, profile_text=loaded.text)
-        asyncio.run(carry_out(station, found, folder, task, values or [], reason, who_asks(by), output, tape))
+        asyncio.run(carry_out(station, found, folder, task, values or [], legible(reason), who_asks(by), output, tape))
 
 
 async def carry_out(

@@ -106,7 +106,10 @@ def hold(path: Path, taken: str, hint: str, **facts: Any) -> MachineLock:
     try:
         found = take(path, **facts)
     except OSError as error:
-        raise StateError(f"lock {path}: cannot be opened: {error.strerror}") from error
+        raise StateError(
+            f"lock {path}: cannot be opened: {error.strerror}",
+            hint="is there room, and may you write there? `--directory` names another place",
+        ) from error
     if isinstance(found, MachineLock):
         return found
     holder = f" (process {found.pid}, {found.who or 'nobody named'})" if found.pid else ""

@@ -48,7 +48,7 @@ def test_a_changed_journal_is_convicted(tmp_path) -> None:
     with open(path, encoding="utf-8") as file:
         text = file.read()
     with open(path, "w", encoding="utf-8") as file:
-        file.write(text.replace('"new_value": "82.5"', '"new_value": "80.5"'))
+        file.write(text.replace('"new_value":"82.5"', '"new_value":"80.5"'))
     checked = CliRunner().invoke(journal.app, ["verify", path, "--output", "json"])
     facts = json.loads(checked.stdout)
     assert (1, 1) == (checked.exit_code, facts["records"])

@@ -27,7 +27,7 @@ from ahgateway.codec.words import decode, encode
 from ahgateway.core.controllers import Roles
 from ahgateway.core.operands import Access, Kind
 from ahgateway.core.real import REAL
-from ahgateway.errors import StateError
+from ahgateway.errors import CodecError, StateError
 
 SYSTEM = frozenset({"SM", "SR"})
 """Kinds of device that hold RUN and STOP, communication and the rest of the system: never written."""
@@ -170,13 +170,12 @@ def item(loop: Loop, station: Station, operand: str, value: Any, now: Raw, *, re
     """
     limit = allowed(loop, station, operand)
     row = loop.controller.operand(operand)
+    try:
+        words = encode(row.kind, value)
+    except CodecError as error:
+        raise CodecError(f"loop {loop.name}: {operand}: {error.message}", hint=error.hint) from error
     made = Item(
-        operand,
-        str(loop.bindings[operand]),
-        row.kind,
-        block.spans(loop, station.devices)[operand],
-        now[operand],
-        encode(row.kind, value),
+        operand, str(loop.bindings[operand]), row.kind, block.spans(loop, station.devices)[operand], now[operand], words
     )
     if row.kind is not Kind.BOOL:
         _check(loop, made, limit, made.old_value if reference is None else reference)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from ahgateway.clock import SECOND
 from ahgateway.codec.block import Raw
@@ -44,8 +44,19 @@ def rate(loop: Loop, steps: Sequence[Step], written_ns: Mapping[str, int], now_n
         if last_ns is not None and now_ns - last_ns < limit_s * SECOND:
             raise StateError(
                 f"loop {loop.name}: {item.operand} was written {(now_ns - last_ns) / SECOND:.3g} s ago, "
-                f"allowed is one write in {limit_s:g} s"
+                f"allowed is one write in {limit_s:g} s",
+                hint="wait as long; interval_s in the profile is that time",
             )
+
+
+def left_ns(loop: Loop, names: Iterable[str], written_ns: Mapping[str, int], now_ns: int) -> int:
+    """Return how long it takes until each of these operands may be written again, 0 when all may."""
+    waits = (
+        round(loop.writes[name].interval_s * SECOND) - (now_ns - written_ns[name])
+        for name in names
+        if name in written_ns
+    )
+    return max(0, *waits, 0)
 
 
 def ours(loop: Loop, session: Session, picture: Picture) -> None:

@@ -146,7 +146,7 @@ class Gate:
         self.as_found = picture
         self.session = replayed([record])
         self._ends_ns = self._clock.now_ns() + duration_ns
-        self._written_ns = {}
+        self._written_ns = self._papers.written_ns()
         self._stepping = None
         self.state = after(self.state, Event.ARM)
         return picture
@@ -223,11 +223,16 @@ class Gate:
         picture = await self._wire.picture()
         planned = planning.plan(self.loop, self.station, values, picture)
         checks.rate(self.loop, planned.steps, self._written_ns, self._clock.now_ns())
+        changed = {item.operand for step in planned.steps for item in step.items if item.old != item.new}
         try:
             for stage in change.stages(self.loop, values, picture.words):
                 if stage == {self.loop.controller.roles.mout: None}:
                     done += await self._follow_mv(why)
                     continue
+                # What an earlier stage has written: a sequence waits where a second command would be refused.
+                await self.pause(
+                    checks.left_ns(self.loop, changed & set(stage), self._written_ns, self._clock.now_ns())
+                )
                 picture = await self._wire.picture()
                 self.look(picture)
                 assert self.session is not None
@@ -459,18 +464,22 @@ class Gate:
         if is_write:
             self.state = after(self.state, Event.SEND)
         self.sent_ns = self._clock.now_ns()
+        asked = f"loop {self.loop.name}: {', '.join(change.line(item) for item in step.items)}"
         try:
             await self._wire.send(step.request)
         except PlcRefusedError as error:
             self._papers.note("refused", code=error.code, text=error.message)
-            raise
+            raise PlcRefusedError(f"{asked}: {error.message}", code=error.code, hint=error.hint) from error
         except TransportError as error:
             # Nobody knows whether it arrived; it is not sent again, what stands there decides.
             self._papers.note("doubt", text=error.message)
             await self._clock.sleep_ns(self._wire.settle_ns)
         if is_write:
             self.state = after(self.state, Event.ACKNOWLEDGED)
-        wrong = await self._wire.read_back(step)
+        try:
+            wrong = await self._wire.read_back(step)
+        except TransportError as error:
+            raise type(error)(f"{asked}: nobody knows whether it arrived: {error.message}", hint=error.hint) from error
         if wrong:
             self._papers.note("mismatch", text=wrong)
             raise StateError(
@@ -505,6 +514,8 @@ class Gate:
         restored = await self.restore(f"{type(cause).__name__}: {cause}")
         if not restored.is_clean:
             raise self._unclean(restored, cause) from cause
+        if isinstance(cause, AhGatewayError) and self.session is not None and self.session.written:
+            cause.add(restored.text(self.loop))
 
     async def _put_back(self, session: Session) -> Restored:
         """Read, decide, write, read, until nothing of ours is left or something is not ours any more."""

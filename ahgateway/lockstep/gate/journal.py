@@ -1,9 +1,10 @@
 """The journal: every write with who, why, before and after, one JSON object a line, each chained to the one before.
 
-This file alone decides the form of the chain. A record's `hash` is the SHA-256 of its canonical JSON (keys sorted, no
-blanks, UTF-8) without `hash`; its `prev` is the hash of the record before, 64 zeros for the first. Each record is on
-the disk before `append` returns. A power cut can cut the last line short: the next append ends that line and adds a
-record `torn` with the hash of its bytes, so that every byte of the file is vouched for.
+This file alone decides the form of the chain. A line is a record's canonical JSON (keys sorted, no blanks, UTF-8); its
+`hash` is the SHA-256 of the same without `hash`, its `prev` the hash of the record before, 64 zeros for the first. So
+no byte can change without a trace, not even a blank or a key that stands twice. Each record is on the disk before
+`append` returns. A power cut can cut the last line short: the next append ends that line and adds a record `torn` with
+the hash of its bytes, so that every byte of the file is vouched for. What a full disk took of a line is cut off again.
 
 The chain alone shows a change to whoever does not rewrite all that follows; a hash that stands elsewhere, on a sheet
 or in a recording, shows every change before it. That is the anchor.
@@ -11,11 +12,13 @@ or in a recording, shows every change before it. That is the anchor.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from io import FileIO
 from pathlib import Path
 from typing import Any
 
@@ -52,29 +55,34 @@ class Checked:
 
 def digest(record: Record) -> str:
     """Return the hash of a record, over everything but its own `hash`."""
-    body = {key: value for key, value in record.items() if key != "hash"}
-    text = json.dumps(body, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
-    return hashlib.sha256(text.encode("utf-8")).hexdigest()
+    return hashlib.sha256(_canonical({key: value for key, value in record.items() if key != "hash"})).hexdigest()
+
+
+def _canonical(record: Record) -> bytes:
+    return json.dumps(record, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode(
+        "utf-8"
+    )
 
 
 def check(data: bytes, anchor: str | None = None) -> Checked:
     """Follow the chain through a journal's bytes; stops at the first record that does not fit."""
     *lines, tail = data.split(b"\n")
     records: list[Record] = []
-    last, torn, fault = FIRST, b"", ""
+    last, fault = FIRST, ""
+    torn: bytes | None = None
     for number, line in enumerate(lines, 1):
         record = _parsed(line)
         if record is None:
             fault = f"line {number} is no record"
-            if torn or number == len(lines):
+            if torn is not None or number == len(lines):
                 break
             torn, fault = line, ""
             continue
-        fault = _fault(record, last, len(records), torn)
+        fault = _fault(record, line, last, len(records), torn)
         if fault:
             fault = f"line {number}: {fault}"
             break
-        torn = b""
+        torn = None
         records.append(record)
         last = str(record["hash"])
     at = next((int(each["n"]) for each in records if anchor is not None and each["hash"] == anchor), None)
@@ -84,23 +92,25 @@ def check(data: bytes, anchor: str | None = None) -> Checked:
 def _parsed(line: bytes) -> Record | None:
     try:
         found = json.loads(line)
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
     return found if isinstance(found, dict) and "hash" in found else None
 
 
-def _fault(record: Record, last: str, number: int, torn: bytes) -> str:
+def _fault(record: Record, line: bytes, last: str, number: int, torn: bytes | None) -> str:
     try:
         right = digest(record)
     except ValueError:
         return "holds what JSON cannot"
     if record["hash"] != right:
         return f"its content gives the hash {right[:12]}…, it says {str(record['hash'])[:12]}…"
+    if line != _canonical(record):
+        return "is not written as the gate writes it: a blank, an order or a key that stands twice was changed"
     if record.get("prev") != last:
         return "does not follow the record before it"
     if record.get("n") != number:
         return f"is number {record.get('n')}, expected {number}"
-    if torn and (record.get("kind") != TORN or record.get("sha256") != hashlib.sha256(torn).hexdigest()):
+    if torn is not None and (record.get("kind") != TORN or record.get("sha256") != hashlib.sha256(torn).hexdigest()):
         return "the line before it is no record, and nothing vouches for it"
     return ""
 
@@ -159,8 +169,7 @@ class Journal:
         record: dict[str, Any] = {"n": len(self.records), "utc_ns": self._clock.utc_ns(), "kind": kind, **facts}
         record["prev"] = self.last
         record["hash"] = digest(record)
-        text = json.dumps(record, ensure_ascii=False, allow_nan=False)
-        self._put(text.encode("utf-8") + b"\n")
+        self._put(_canonical(record) + b"\n")
         self.records.append(record)
         self.last = record["hash"]
         if self._told is not None:
@@ -169,12 +178,23 @@ class Journal:
 
     def _put(self, data: bytes) -> None:
         try:
-            with self.path.open("ab") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
+            with self.path.open("ab", buffering=0) as file:
+                _write_whole(file, data)
         except OSError as error:
             raise StateError(
                 f"journal {self.path}: cannot be written: {error.strerror}",
                 hint="is the disk full, or write-protected?",
             ) from error
+
+
+def _write_whole(file: FileIO, data: bytes) -> None:
+    """Write all of it to the disk or nothing of it: behind half a record the next one would stand on its line."""
+    begins = file.tell()
+    try:
+        while data:
+            data = data[file.write(data) :]
+        os.fsync(file.fileno())
+    except OSError:
+        with contextlib.suppress(OSError):
+            file.truncate(begins)
+        raise

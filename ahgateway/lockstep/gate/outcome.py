@@ -50,7 +50,9 @@ class Restored:
         """Return it as one sentence."""
         if self.error:
             return f"could not be put back: {self.error}"
-        parts = [f"{', '.join(self.operands) or 'nothing'} put back"]
+        parts = [f"{', '.join(self.operands)} put back" if self.operands else "everything else is as found"]
+        if self.is_clean and not self.operands:
+            return "everything is as found"
         if self.is_taken_over:
             parts = ["an operator has taken over, nothing was touched"]
         parts += [conflict_text(loop, each) for each in self.conflicts]

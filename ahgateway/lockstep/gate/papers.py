@@ -6,11 +6,14 @@ import contextlib
 from pathlib import Path
 from typing import Any
 
-from ahgateway.clock import Clock
+from ahgateway.clock import SECOND, Clock
 from ahgateway.errors import StateError
 from ahgateway.lockstep.gate.journal import Journal, Record, Told
 from ahgateway.lockstep.gate.session import Session, last_session
 from ahgateway.transports.machine_lock import MachineLock, hold
+
+INTERVAL_MAX_NS = 3600 * SECOND
+"""The longest that a profile may ask for between two writes of an operand."""
 
 
 class Papers:
@@ -72,6 +75,23 @@ class Papers:
         """
         assert self._journal is not None
         return self._journal.append(kind, **facts)
+
+    def written_ns(self) -> dict[str, int]:
+        """Return when each operand was written last, by an earlier run too, in the clock's monotonic time."""
+        assert self._journal is not None
+        now_ns, utc_ns = self._clock.now_ns(), self._clock.utc_ns()
+        found: dict[str, int] = {}
+        behind = ""
+        for record in reversed(self._journal.records):
+            age_ns = utc_ns - int(record["utc_ns"])
+            if age_ns > INTERVAL_MAX_NS:
+                break
+            # A time in the future is one of a clock that was set back meanwhile, and tells nothing.
+            if record["kind"] == "write" and behind != "refused" and age_ns >= 0:
+                for item in record["items"]:
+                    found.setdefault(item["operand"], now_ns - age_ns)
+            behind = record["kind"]
+        return found
 
     def note(self, kind: str, **facts: Any) -> None:
         """Add to the journal; what it tells has happened already and is not undone by a full disk."""

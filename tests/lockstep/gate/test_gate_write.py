@@ -9,11 +9,11 @@ from dataclasses import replace
 import pytest
 from lockstep.gate.gate_world import WRITES, FailingLink, GateWorld, is_write
 
-from ahgateway.clock import SECOND
+from ahgateway.clock import SECOND, VirtualClock
 from ahgateway.codec.access import Read, Request
 from ahgateway.codec.devices import parse_device
 from ahgateway.codec.station import WriteLimit
-from ahgateway.errors import LinkError, PlcRefusedError, ReplyTimeoutError, StateError
+from ahgateway.errors import AhGatewayError, LinkError, PlcRefusedError, ReplyTimeoutError, StateError
 from ahgateway.lockstep.gate.change import line
 from ahgateway.lockstep.gate.journal import verify
 from ahgateway.lockstep.gate.states import State
@@ -103,6 +103,7 @@ async def test_an_equal_value_is_not_written(world: GateWorld) -> None:
         ({"SV": 121.0}, "SV = 121.0 is outside 20…120"),
         ({"SV": 56.0}, "SV: 50.0 -> 56.0 is a step of 6, allowed is 5 at once"),
         ({"SV": math.nan}, "SV = nan is no finite number"),
+        ({"SV": 1e39}, "loop L1: SV: 1e+39 is too large for a REAL"),
         ({"BIAS": 1.0}, "BIAS is not on the list of what may be written"),
         ({"MV": 1.0}, "MV is not on the list"),
         ({"I_MV": 1.0}, "I_MV is not on the list"),
@@ -112,7 +113,7 @@ async def test_an_equal_value_is_not_written(world: GateWorld) -> None:
     ],
 )
 async def test_what_is_not_allowed_is_refused_before_anything_is_sent(world: GateWorld, values, said: str) -> None:
-    with pytest.raises(StateError) as caught:
+    with pytest.raises(AhGatewayError) as caught:
         async with world.gate().armed("test") as gate:
             await gate.write(values)
     assert said in str(caught.value)
@@ -147,6 +148,54 @@ async def test_one_write_in_its_interval(world: GateWorld) -> None:
             await gate.write({"SV": 52.0})
         world.clock.advance_ns(2 * SECOND)
         await gate.write({"SV": 52.0})
+
+
+async def test_the_interval_holds_over_the_end_of_a_run(world: GateWorld) -> None:
+    """Else a loop in a shell would be a way around it; what was refused has not been written."""
+    async with world.gate().armed("first", keep=True) as gate:
+        await gate.write({"SV": 51.0})
+    world.clock.advance_ns(SECOND)
+    with pytest.raises(StateError, match=r"SV was written 1\.\d* s ago, allowed is one write in 2 s"):
+        async with world.gate().armed("second") as gate:
+            await gate.write({"SV": 52.0})
+    world.clock.advance_ns(SECOND)
+
+    def refuse(when: str, request) -> None:
+        if when == "before" and is_write(request):
+            raise PlcRefusedError("no", code=4)
+
+    with pytest.raises(PlcRefusedError):
+        async with world.gate(FailingLink(world.link, refuse)).armed("refused") as gate:
+            await gate.write({"SV": 52.0})
+    async with world.gate().armed("third", keep=True) as gate:
+        await gate.write({"SV": 52.0})
+    assert [(0x0000, 0x424C), (0x0000, 0x4250)] == [words for _, _, words in world.sent()]
+
+
+async def test_a_clock_that_was_set_back_does_not_lock_an_operand(world: GateWorld) -> None:
+    world.clock.advance_ns(3600 * SECOND)
+    async with world.gate().armed("first", keep=True) as gate:
+        await gate.write({"SV": 51.0})
+    world.clock = VirtualClock(utc_start_ns=world.clock.utc_ns() - 86_400 * SECOND)
+    async with world.gate().armed("second", keep=True) as gate:
+        await gate.write({"SV": 52.0})
+    assert 2 == len(world.sent())
+
+
+async def test_a_sequence_waits_until_its_operand_may_be_written_again(tmp_path) -> None:
+    """Into manual MOUT is written twice: where MV stands, then where it is wanted."""
+    world = GateWorld(tmp_path, writes={**WRITES, "MOUT": WriteLimit(0.0, 100.0, 5.0, 3.0)})
+    mv = float(world.plc.read("L1", "MV"))
+    times: list[int] = []
+
+    def note(when: str, request) -> None:
+        if when == "before" and is_write(request) and request.address == MOUT:
+            times.append(world.clock.now_ns())
+
+    async with world.gate(FailingLink(world.link, note)).armed("test", keep=True) as gate:
+        await gate.write({"PID_MAN": True, "MOUT": mv + 3.0})
+    assert 2 == len(times)
+    assert 3 * SECOND <= times[1] - times[0] < 4 * SECOND
 
 
 async def test_registers_that_belong_together_go_out_in_one_request(world: GateWorld) -> None:
@@ -274,8 +323,13 @@ async def test_a_refused_write_puts_the_earlier_ones_back(world: GateWorld) -> N
 
     async with world.gate(FailingLink(world.link, refuse)).armed("test", keep=True) as gate:
         await gate.write({"SV": 52.5})
-        with pytest.raises(PlcRefusedError):
+        with pytest.raises(PlcRefusedError) as caught:
             await gate.write({"Kc_Kp": 2.0})
+    assert (
+        caught.value.message
+        == str(caught.value)
+        == ("loop L1: Kc_Kp D108: 1.5 -> 2.0  [0000 3FC0 -> 0000 4000]: no; SV put back")
+    )
     assert [0x42480000, 0x3FC00000] == world.holds("SV", "Kc_Kp")
     assert State.DISARMED is gate.state
 
@@ -304,6 +358,22 @@ async def test_a_write_that_never_arrived_is_not_repeated_either(world: GateWorl
             await gate.write({"SV": 52.5})
     assert [] == world.sent()
     assert State.DISARMED is gate.state
+
+
+async def test_a_link_lost_behind_a_write_says_which_and_what_came_of_it(world: GateWorld) -> None:
+    gone: list[int] = []
+
+    def lose(when: str, request) -> None:
+        if is_write(request) and when == "behind" and not gone:
+            gone.append(world.clock.now_ns() + 3 * SECOND)
+        if gone and world.clock.now_ns() < gone[0]:
+            raise LinkError("unplugged")
+
+    with pytest.raises(LinkError) as caught:
+        async with world.gate(FailingLink(world.link, lose)).armed("test") as gate:
+            await gate.write({"SV": 52.5})
+    said = "SV D100: 50.0 -> 52.5  [0000 4248 -> 0000 4252]: nobody knows whether it arrived: unplugged; SV put back"
+    assert f"loop L1: {said}" == str(caught.value)
 
 
 async def test_a_link_that_comes_back_lets_everything_go_back(world: GateWorld) -> None:
