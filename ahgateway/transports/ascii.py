@@ -1,12 +1,14 @@
 """Modbus ASCII: a colon, two hexadecimal digits a byte, a checksum, CR LF. Delta's factory setting.
 
-Source: MANUAL Modbus over Serial Line V1.02, §2.5.2 and §6.2.1 (LRC).
+Source: MANUAL Modbus over Serial Line V1.02, §2.5.2; LRC from pymodbus.
 """
 
 from __future__ import annotations
 
 from binascii import Error as HexError
 from binascii import unhexlify
+
+from pymodbus.framer.ascii import FramerAscii
 
 from ahgateway.transports.framing import Adu
 from ahgateway.transports.pdu import EXCEPTION_BIT
@@ -17,7 +19,7 @@ _START, _END = b":", b"\r\n"
 
 def lrc(data: bytes) -> int:
     """Return the checksum byte of unit and PDU."""
-    return -sum(data) & 0xFF
+    return FramerAscii.compute_LRC(data)
 
 
 class _Ascii:

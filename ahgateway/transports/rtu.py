@@ -4,10 +4,12 @@ Silence is not trusted here (adapters and converters tear it): a frame ends by i
 knows the reply it waits for and looks for exactly that, byte by byte, so that noise in front costs nothing; the
 server looks for any request. Both keep less than two frames.
 
-Source: MANUAL Modbus over Serial Line V1.02, §2.5.1 and §6.2.2 (CRC).
+Source: MANUAL Modbus over Serial Line V1.02, §2.5.1; CRC from pymodbus.
 """
 
 from __future__ import annotations
+
+from pymodbus.framer.rtu import FramerRTU
 
 from ahgateway.transports.framing import Adu
 from ahgateway.transports.pdu import EXCEPTION_BIT
@@ -16,24 +18,11 @@ RTU_FRAME_SIZE_MAX = 256
 _CRC_SIZE = 2
 _EXCEPTION_FRAME_SIZE = 5
 _REQUEST_SIZE_MIN = 8
-_CRC_POLYNOMIAL = 0xA001
-
-
-def _crc_of_byte(byte: int) -> int:
-    for _ in range(8):
-        byte = byte >> 1 ^ (_CRC_POLYNOMIAL if byte & 1 else 0)
-    return byte
-
-
-_CRC_OF_BYTE = tuple(_crc_of_byte(byte) for byte in range(256))
 
 
 def crc(data: bytes | bytearray | memoryview) -> bytes:
     """Return the two bytes that follow `data` on the wire, low byte first."""
-    value = 0xFFFF
-    for byte in data:
-        value = value >> 8 ^ _CRC_OF_BYTE[(value ^ byte) & 0xFF]
-    return value.to_bytes(2, "little")
+    return FramerRTU.compute_CRC(bytes(data)).to_bytes(2, "big")
 
 
 class _Rtu:

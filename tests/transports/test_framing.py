@@ -8,13 +8,11 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pymodbus.framer.ascii import FramerAscii
-from pymodbus.framer.rtu import FramerRTU
 
 from ahgateway.errors import FrameError
-from ahgateway.transports.ascii import AsciiReplies, AsciiRequests, lrc
+from ahgateway.transports.ascii import AsciiReplies, AsciiRequests
 from ahgateway.transports.framing import Adu, Framing, Mbap
-from ahgateway.transports.rtu import RtuReplies, RtuRequests, crc
+from ahgateway.transports.rtu import RtuReplies, RtuRequests
 
 MBAP_READ = bytes.fromhex("0001 0000 0006 01 03 006B 0003")
 RTU_READ = bytes.fromhex("01 02 05 00 00 10 79 0A")
@@ -98,12 +96,6 @@ def test_rtu_request_behind_noise_that_promises_a_long_frame_is_found_at_once(fr
     side = RtuRequests()
     assert len(side.feed(promises_long_write + frame)) == 1
     assert side.kept == 0
-
-
-@given(st.binary(max_size=260))
-def test_the_checksums_are_those_of_another_hand(data: bytes) -> None:
-    assert FramerRTU.compute_CRC(data).to_bytes(2, "big") == crc(data)
-    assert FramerAscii.compute_LRC(data) == lrc(data)
 
 
 @pytest.mark.parametrize("flip", range(64))
