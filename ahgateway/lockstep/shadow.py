@@ -64,7 +64,8 @@ Names = tuple[str, ...]
 class Fit(NamedTuple):
     """One way to explain an execution: what it read, what was before and after, and what it says of itself.
 
-    `open_terms` names the terms whose last bits are not settled, though every word that can be seen is.
+    `open_terms` names the terms whose last bits are not settled, though every word that can be seen is. `lead` is what
+    executions just before it read that nobody saw, oldest first; then `before` is the state before the first of them.
     """
 
     inputs: Any
@@ -73,6 +74,7 @@ class Fit(NamedTuple):
     terms: Any
     open_terms: tuple[str, ...] = ()
     ts: REAL | None = None
+    lead: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -284,9 +286,9 @@ def explain(
                         fitting.extend(_narrowed(loop, inputs, bound, seen, names, ts))
                 elif same_words(names, low, seen):
                     fitting.append(fit)
-                distance = _distance(names, low, seen)
-                if nearest is None or distance < nearest[0]:
-                    nearest = (distance, fit)
+                missed = distance(names, low, seen)
+                if nearest is None or missed < nearest[0]:
+                    nearest = (missed, fit)
         if fitting:
             fits.extend(each for fit in fitting for each in _unrecorded(loop, fit))
             is_decided = is_decided or _is_told(by_interval, fitting)
@@ -388,7 +390,7 @@ def _is_told(by_interval: Mapping[int, set[tuple[int, ...]]], fitting: list[Fit]
     return len(set().union(*by_interval.values())) == 1
 
 
-def _distance(names: Iterable[str], left: Mapping[str, REAL], right: Mapping[str, REAL]) -> int:
+def distance(names: Iterable[str], left: Mapping[str, REAL], right: Mapping[str, REAL]) -> int:
     """Rank a prediction: first how many words differ, then by how much in total."""
     total = 0
     for name in names:
