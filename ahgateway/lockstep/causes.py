@@ -7,7 +7,7 @@ against the loop's other executions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from math import isfinite, log
@@ -89,13 +89,26 @@ class _Case:
     def seen(self) -> Mapping[str, REAL]:
         return self.after.seen
 
-    def run(self, inputs: Any = None, dialect: Any = None, ts: REAL | None = None) -> tuple[dict[str, REAL], Any]:
+    def run(
+        self, inputs: Any = None, dialect: Any = None, ts: REAL | None = None, state: Any = None
+    ) -> tuple[dict[str, REAL], Any]:
         """Step the law with something changed; return the words it leaves, and its terms."""
         read = self.fit.inputs if inputs is None else inputs
-        span = self.span(read, dialect) if ts is None else ts
+        chosen, reached = dialect or self.loop.dialect, state or self.fit.before.low
         with quiet(all="ignore"):
-            state, terms = self.controller.step(read, self.fit.before.low, dialect or self.loop.dialect, span)
-        return predicted(self.controller, state, terms), terms
+            for each in (*self._led(read), read):
+                span = self.span(each, dialect) if ts is None else ts
+                reached, terms = self.controller.step(each, reached, chosen, span)
+        return predicted(self.controller, reached, terms), terms
+
+    def _led(self, read: Any) -> list[Any]:
+        """What the unseen executions before it read, with the same operands changed."""
+        if not self.fit.lead:
+            return []
+        changes = {
+            name: new for name, new, old in zip(read._fields, read, self.fit.inputs, strict=True) if new is not old
+        }
+        return [each._replace(**changes) for each in self.fit.lead]
 
     def span(self, read: Any, dialect: Any) -> REAL:
         """Ts of a hypothesis: as this execution had it, or from CYCLE where that alone decides."""
@@ -126,11 +139,10 @@ class _Case:
         """Tell whether the law with this in it leaves what the PLC wrote, from a state that may be open."""
         other = twist(self.loop)
         if is_settled(self.fit.before):
-            span = other.controller.ts(self.fit.inputs, other.dialect) if self.fit.ts is None else self.fit.ts
-            if other.dialect is not self.loop.dialect:
-                span = self.span(self.fit.inputs, other.dialect)
+            state = self.fit.before.low
             with quiet(all="ignore"):
-                state, terms = other.controller.step(self.fit.inputs, self.fit.before.low, other.dialect, span)
+                for read in (*self.fit.lead, self.fit.inputs):
+                    state, terms = other.controller.step(read, state, other.dialect, self.span(read, other.dialect))
             return self.reproduces(predicted(self.controller, state, terms))
         if other.controller.seen != self.controller.seen:
             # Another place for a word was not read as such: nothing can be said of it.
@@ -139,23 +151,47 @@ class _Case:
 
 
 def blame(loop: Loop, fit: Fit, before: Picture, after: Picture, known: tuple[Suspect, ...] = ()) -> Blame:
-    """Say which term left first, and what reproduces what the PLC wrote.
+    """Say which term left first, and what reproduces what the PLC wrote; see `blame_any`."""
+    return blame_any(loop, (fit,), before, after, known)
+
+
+def blame_any(
+    loop: Loop, fits: Sequence[Fit], before: Picture, after: Picture, known: tuple[Suspect, ...] = ()
+) -> Blame:
+    """As `blame`, where it is not known how many executions there were: any of these may be it.
 
     Args:
         loop: The loop.
-        fit: The execution as the reference came closest to it.
-        before: Picture before it.
-        after: Picture behind it.
+        fits: The executions as the reference came closest to them, likeliest first; at least one.
+        before: Picture before.
+        after: Picture behind.
         known: Only these causes are asked for, where any are given; trying all costs a hundred times as much.
     """
-    case = _Case(loop, fit, before, after, judged_names(loop), frozenset(each.key for each in known))
-    suspects = [suspect for hypothesis in HYPOTHESES for suspect in hypothesis(case)]
-    if is_settled(fit.before) and all(suspect.twist is None for suspect in suspects):
-        suspects.extend(_two_axes(case))
-    if not suspects:
-        suspects = [Suspect("unknown", "no single change of an operand, mode or dialect reproduces what the PLC wrote")]
+    wanted = frozenset(each.key for each in known)
+    cases = [_Case(loop, fit, before, after, judged_names(loop), wanted) for fit in fits]
+    found: dict[Key, tuple[Suspect, _Case]] = {}
+    for hypothesis in HYPOTHESES:
+        named = [(suspect, case) for case in cases for suspect in hypothesis(case)]
+        for suspect, case in sorted(named, key=lambda each: _rank(each[0])) if len(cases) > 1 else named:
+            found.setdefault(suspect.key, (suspect, case))
+    case = cases[0]
+    if is_settled(case.fit.before) and not case.fit.lead and all(each.twist is None for each, _ in found.values()):
+        found.update({suspect.key: (suspect, case) for suspect in _two_axes(case)})
+    suspects = tuple(suspect for suspect, _ in found.values())
+    if found:
+        _, case = next(iter(found.values()))
+    else:
+        suspects = (
+            Suspect("unknown", "no single change of an operand, mode or dialect reproduces what the PLC wrote"),
+        )
     term, plc, ref = _first_term(case, suspects[0])
-    return Blame(term, plc, ref, tuple(suspects), fit)
+    return Blame(term, plc, ref, suspects, case.fit)
+
+
+def _rank(suspect: Suspect) -> tuple[bool, float]:
+    """Exact sizes first, then the smallest change."""
+    is_fitted = suspect.estimate is not None and not suspect.estimate.is_exact
+    return is_fitted, abs(log(suspect.ratio)) if suspect.ratio > 0.0 else 0.0
 
 
 def sized_again(loop: Loop, fit: Fit, before: Picture, after: Picture, suspect: Suspect) -> Suspect | None:
@@ -277,6 +313,9 @@ def _twice(case: _Case) -> list[Suspect]:
     """Two executions where the schedule allows one."""
     if not case.asks("missed-execution"):
         return []
+    if case.fit.lead:
+        evidence = "two executions each time reproduce it where the schedule allows one"
+        return [Suspect("missed-execution", evidence, twist=doubled())] if case.holds(doubled()) else []
     firsts = {bits(pv): pv for pv in (case.fit.inputs.pv, case.before.inputs.pv, case.after.inputs.pv)}
     span = case.span(case.fit.inputs, None)
     for pv in firsts.values():
@@ -322,7 +361,7 @@ def _gains(case: _Case) -> list[Suspect]:
     ]
     cycle = _cycle(case) if case.asks("cycle", "CYCLE") else None
     suspects = [each for each in (*found, cycle) if each is not None]
-    return sorted(suspects, key=lambda each: (not (each.estimate and each.estimate.is_exact), abs(log(each.ratio))))
+    return sorted(suspects, key=_rank)
 
 
 def _gain(case: _Case, name: str, attr: str) -> Suspect | None:
@@ -357,7 +396,7 @@ def _measured(case: _Case) -> list[Suspect]:
     read, state = case.fit.inputs, case.fit.before.low
     low, high = sorted((float(read.mv_min), float(read.mv_max)))
     is_plain = read.pid_run and not read.pid_man and not state.man1 and low < float(case.seen["MV"]) < high
-    if case.loop.dialect.ts_source or not is_plain or "I_MV" not in case.names:
+    if case.fit.lead or case.loop.dialect.ts_source or not is_plain or "I_MV" not in case.names:
         return []
     wide = read._replace(mv_max=UNLIMITED, mv_min=-UNLIMITED)
     held = float(case.controller.nominal_ts(read))
@@ -403,11 +442,7 @@ def _integral(case: _Case) -> list[Suspect]:
     near = sorted(range(position - NEIGHBOURS, position + NEIGHBOURS + 1), key=lambda each: abs(each - position))
     for each in near:
         state = case.fit.before.low._replace(i=from_order(each))
-        with quiet(all="ignore"):
-            after, terms = case.controller.step(
-                case.fit.inputs, state, case.loop.dialect, case.span(case.fit.inputs, None)
-            )
-        if case.reproduces(predicted(case.controller, after, terms)):
+        if case.reproduces(case.run(state=state)[0]):
             distance = ulp_distance(case.seen["I_MV"], ref["I_MV"])
             text = f"all agrees with an integral of {float(state.i):.9g} before, {float(held):.9g} was seen"
             evidence = f"{text}; I_MV is {distance} ULP away from the reference's"
@@ -421,7 +456,7 @@ def _rounding(case: _Case) -> list[Suspect]:
     parts = [abs(float(getattr(terms, name, 0.0))) for name in ("p", "i", "d", "bias", "raw")]
     size = max(*parts, abs(float(ref["I_MV"])), 1e-30) * 2.0**-23
     worst = max(abs(float(case.seen[name]) - float(ref[name])) / size for name in case.names)
-    if not worst <= ROUNDED_ULP or not is_settled(case.fit.before):
+    if not worst <= ROUNDED_ULP * (1 + len(case.fit.lead)) or not is_settled(case.fit.before):
         return []
     evidence = f"all words come within {worst:.1f} ULP of the largest term: they are rounded otherwise"
     return [Suspect("rounding", evidence)]

@@ -19,26 +19,35 @@ from typing import Any
 
 from ahgateway.clock import SECOND
 from ahgateway.codec.station import Loop
+from ahgateway.core.controllers.delta_terms import ticks_per_second
 from ahgateway.core.dialect import Freeze, Integrator
 from ahgateway.core.real import REAL, quiet, same_bits
 from ahgateway.core.verdict import Verdict
 from ahgateway.lockstep.anchor import anchored
-from ahgateway.lockstep.causes import UNLIMITED
+from ahgateway.lockstep.causes import UNLIMITED, blame_any
 from ahgateway.lockstep.judge import SEVERAL, TRIVIAL_FLAGS, Execution, judge
-from ahgateway.lockstep.picture import Picture
+from ahgateway.lockstep.picture import Picture, predicted
 from ahgateway.lockstep.shadow import (
+    Bound,
     Explanation,
+    Fit,
     Shadow,
     advanced,
     changed_inputs,
+    distance,
     explain,
     input_variants,
+    is_settled,
     judged_names,
     merged,
+    patched,
     recalled,
 )
-from ahgateway.lockstep.suspects import Suspect
+from ahgateway.lockstep.suspects import Blame, Suspect, agreeing
 from ahgateway.lockstep.thinning import is_plain
+
+LED_MAX = 6
+"""Of runs longer than this no cause is sought: there are too many."""
 
 COUNT_MAX = 12
 """More executions than this between two pictures are not counted out."""
@@ -86,22 +95,28 @@ def counted(
     is_tuning = 1 in (before.inputs.pid_mode, after.inputs.pid_mode)
     if not shadow or is_tuning or most <= 1:
         return judge(loop, shadow, before, after, most, suspects)
+    again = _again(loop, shadow, before, after, most, suspects) if suspects else None
+    if again is not None:
+        return again
     every = [each for each in _counts(loop, shadow, before, after, most) if each.executions >= least]
     fitting = [each for each in every if each.found.fits]
     is_whole = most <= COUNT_MAX and all(each.before for each in every)
     fresh = _fresh(loop, shadow, before, after)
     if len(fitting) == 1 and is_whole:
         only = fitting[0]
-        execution, behind = judge(loop, only.before, before, after, 1, suspects)
+        execution, behind = judge(loop, only.before, before, after, 1, suspects if only.executions == 1 else ())
         behind = behind if _is_pinned(only, before, after) else merged((*behind, *fresh))
         return replace(execution, count=only.executions), behind
     if fitting:
         least_fit = fitting[0]
-        execution, behind = judge(loop, least_fit.before, before, after, 1, suspects)
+        execution, behind = judge(loop, least_fit.before, before, after, 1)
         kept = merged((*(fit.after for each in fitting for fit in each.found.fits), *fresh))
         reason = LAST_ONLY if execution.verdict is Verdict.MATCH else execution.reason
         return replace(execution, count=least_fit.executions, reason=reason), kept or fresh
     if is_whole and (is_known(loop, before, after) or is_out_of_reach(loop, shadow, before, after, most)):
+        fits = led(loop, shadow, before, after, most)
+        if fits:
+            return _diverged(loop, fits, blame_any(loop, fits, before, after), before, after)
         nearest = min(every, key=lambda each: each.found.distance)
         execution, behind = judge(loop, nearest.before, before, after, 1, suspects)
         return replace(execution, count=nearest.executions), behind
@@ -109,6 +124,66 @@ def counted(
     if execution.reason == SEVERAL:
         return replace(execution, reason=UNKNOWN_BETWEEN), fresh
     return execution, behind
+
+
+def _again(
+    loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int, suspects: tuple[Suspect, ...]
+) -> tuple[Execution, Shadow] | None:
+    """Behind a divergence what is hidden is open and would excuse anything; the same cause of the same size is none."""
+    settled = tuple(bound for bound in shadow if is_settled(bound))
+    fits = led(loop, settled, before, after, most)
+    if not fits or explains(loop, settled, before, after, most):
+        return None
+    blamed = blame_any(loop, fits, before, after, suspects)
+    kept = agreeing(suspects, blamed.suspects)
+    return _diverged(loop, fits, replace(blamed, suspects=kept), before, after) if kept else None
+
+
+def _diverged(loop: Loop, fits: list[Fit], blamed: Blame, before: Picture, after: Picture) -> tuple[Execution, Shadow]:
+    """The verdict on executions that no count of them explains, and the shadow behind them: the reference's, or any."""
+    fit: Fit = blamed.fit
+    behind = (*patched(loop, fit, after.seen), *recalled(loop, (after.inputs, before.inputs), after.seen))
+    count = len(fit.lead) + 1
+    return Execution(Verdict.DIVERGED, terms=fit.terms, inputs=fit.inputs, blame=blamed, count=count), behind
+
+
+def led(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) -> list[Fit]:
+    """Every run of executions that there can have been, as the reference makes it, the nearest first; [] if unknown.
+
+    It is known where all that they read is, but for the moment of one change, from a state that is known, and where Ts
+    is not measured.
+    """
+    if not is_known(loop, before, after) or ticks_per_second(loop.dialect):
+        return []
+    early, late = before.inputs, after.inputs
+    pv = next((after.seen[word.name] for word in loop.controller.seen if word.attr == "pv1"), late.pv)
+    early, late = early._replace(pv=pv), late._replace(pv=pv)
+    names = judged_names(loop)
+    found = []
+    for bound in (bound for bound in shadow if is_settled(bound)):
+        for executions in range(1, min(most, LED_MAX) + 1):
+            for olds in range(executions + 1) if changed_inputs(loop, before, after) else (0,):
+                reads = (*(early,) * olds, *(late,) * (executions - olds))
+                fit = _run(loop, bound, reads)
+                words = predicted(loop.controller, fit.after.low, fit.terms)
+                found.append((distance(names, words, after.seen), fit))
+    found.sort(key=lambda each: each[0])
+    return [fit for _, fit in found]
+
+
+def _run(loop: Loop, bound: Bound, reads: tuple[Any, ...]) -> Fit:
+    """Executions that read this one after the other, from the low end of a bound that is as good as a state."""
+    state = bound.low
+    with quiet(all="ignore"):
+        for read in reads:
+            ts = loop.controller.ts(read, loop.dialect)
+            state, terms = loop.controller.step(read, state, loop.dialect, ts)
+    return Fit(reads[-1], Bound(bound.low, bound.low), Bound(state, state), terms, (), ts, reads[:-1])
+
+
+def reproduced(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) -> list[Fit]:
+    """Every fit by which some number of executions leaves the words."""
+    return [fit for each in _counts(loop, shadow, before, after, most) for fit in each.found.fits]
 
 
 def _is_pinned(only: _Count, before: Picture, after: Picture) -> bool:

@@ -189,7 +189,7 @@ class Follower:
             self._shadow = lingered(self.loop, self._shadow, before, before, self._silent_max(before, after))
         possible = max(1, least), max(1, most)
         execution, self._shadow = counted(self.loop, self._shadow, before, after, possible, self.suspects)
-        execution = self._inquiry.hear(execution, before, after)
+        execution = self._inquiry.hear(execution, before, after, possible[1])
         if execution.blame is not None and self._inquiry.hidden:
             self._shadow = (*self._inquiry.hidden, *self._shadow)
         self._earliest_ns = before.sent_ns

@@ -20,6 +20,7 @@ from ahgateway.codec.station import Loop
 from ahgateway.core.real import REAL
 from ahgateway.core.verdict import Verdict, Weight
 from ahgateway.lockstep.causes import sized_again
+from ahgateway.lockstep.counting import is_known, led, reproduced
 from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import (
@@ -86,7 +87,7 @@ class Rival:
         missed: Executions that it does not reproduce.
     """
 
-    def __init__(self, loop: Loop, suspect: Suspect, blame: Blame, after: Picture) -> None:
+    def __init__(self, loop: Loop, suspect: Suspect, blame: Blame, before: Picture, after: Picture, most: int) -> None:
         assert suspect.twist is not None
         self.suspect = suspect
         self.explained = 1
@@ -95,9 +96,14 @@ class Rival:
         self._ref = loop
         self._loop = suspect.twist(loop)
         fit: Fit = blame.fit
+        if most > 1:
+            self._shadow: Shadow = merged(
+                each.after for each in reproduced(self._loop, (fit.before,), before, after, most)
+            )
+            return
         found = explain(self._loop, (fit.before,), [fit.inputs], after.seen, judged_names(loop))
         nearest = found.fits[0] if found.fits else found.nearest
-        self._shadow: Shadow = () if nearest is None else patched(self._loop, nearest, after.seen)
+        self._shadow = () if nearest is None else patched(self._loop, nearest, after.seen)
 
     @property
     def is_standing(self) -> bool:
@@ -109,8 +115,11 @@ class Rival:
         """What the PLC remembers if this suspect is right."""
         return self._shadow
 
-    def sees(self, before: Picture, after: Picture, *, has_diverged: bool) -> None:
-        """Hold it against the next execution."""
+    def sees(self, before: Picture, after: Picture, *, has_diverged: bool, most: int = 1) -> None:
+        """Hold it against the next execution, or against several, when there can have been `most`."""
+        if most > 1:
+            self._sees_several(before, after, has_diverged, most)
+            return
         variants = input_variants(self._ref, before, after)
         if not self._shadow:
             self._shadow = recalled(self._loop, (after.inputs, before.inputs), after.seen)
@@ -125,6 +134,24 @@ class Rival:
             self._shadow = merged(each.after for each in found.fits)
         else:
             self._shadow = patched(self._loop, fit, after.seen)
+        self._shown += 1
+        self.missed += not is_it
+        self.explained += is_it and has_diverged
+
+    def _sees_several(self, before: Picture, after: Picture, has_diverged: bool, most: int) -> None:
+        """Some number of executions must reproduce the words; a size is estimated on each run there can have been."""
+        if not self._shadow:
+            self._shadow = recalled(self._loop, (after.inputs, before.inputs), after.seen)
+            return
+        found = reproduced(self._loop, self._shadow, before, after, most)
+        is_it = bool(found)
+        if not is_it and self.suspect.estimate is not None and self.suspect.estimate.value:
+            for fit in led(self._loop, self._shadow, before, after, most):
+                if self._measured(fit, before, after):
+                    found = reproduced(self._loop, self._shadow, before, after, most) or [fit]
+                    is_it = True
+                    break
+        self._shadow = merged(bound for fit in found for bound in patched(self._loop, fit, after.seen))
         self._shown += 1
         self.missed += not is_it
         self.explained += is_it and has_diverged
@@ -166,27 +193,28 @@ class Inquiry:
         self._proven_before = 0
         self._proven = 0
 
-    def hear(self, execution: Execution, before: Picture, after: Picture) -> Execution:
-        """Take in a judged execution; return it with its causes in the order in which they stand now."""
+    def hear(self, execution: Execution, before: Picture, after: Picture, most: int = 1) -> Execution:
+        """Take in a judged execution, one of at most so many; return it with its causes as they stand now."""
+        is_led = most > 1 and self._loop.controller.begin is None and is_known(self._loop, before, after)
         if execution.blame is None:
             self._proven += execution.weight is Weight.INFORMATIVE
             if not self._diverged:
                 self._proven_before += execution.weight is Weight.INFORMATIVE
-            elif execution.count == 1 and execution.terms is not None:
-                self._show(before, after, has_diverged=False)
+            elif is_led or (most <= 1 and execution.count == 1 and execution.terms is not None):
+                self._show(before, after, has_diverged=False, most=most)
                 self.suspects = self._standing()
-            elif execution.verdict is Verdict.UNOBSERVABLE:
+            elif most > 1 or execution.verdict is Verdict.UNOBSERVABLE:
                 self.forget()
             return execution
         self._diverged += 1
-        if self._loop.controller.begin is not None or execution.count > 1:
+        if self._loop.controller.begin is not None or (most > 1 and not is_led):
             self.forget()
             self.suspects = (
                 agreeing(self.suspects, execution.blame.suspects) or self.suspects or execution.blame.suspects
             )
             return execution
-        self._show(before, after, has_diverged=True)
-        self._admit(execution.blame, after)
+        self._show(before, after, has_diverged=True, most=most)
+        self._admit(execution.blame, before, after, most)
         self.suspects = self._standing()
         return replace(execution, blame=replace(execution.blame, suspects=self._ordered(execution.blame.suspects)))
 
@@ -204,18 +232,18 @@ class Inquiry:
                     return tuple(bound for bound in rival.shadow if is_settled(bound))
         return ()
 
-    def _show(self, before: Picture, after: Picture, *, has_diverged: bool) -> None:
+    def _show(self, before: Picture, after: Picture, *, has_diverged: bool, most: int) -> None:
         for rival in self._rivals:
-            rival.sees(before, after, has_diverged=has_diverged)
+            rival.sees(before, after, has_diverged=has_diverged, most=most)
         self._rivals = [rival for rival in self._rivals if rival.is_standing]
 
-    def _admit(self, blame: Blame, after: Picture) -> None:
+    def _admit(self, blame: Blame, before: Picture, after: Picture, most: int) -> None:
         known = {rival.suspect.key for rival in self._rivals}
         for suspect in blame.suspects:
             self._seen[suspect.key] += 1
             self._named[suspect.key] = suspect
             if suspect.twist is not None and suspect.key not in known and len(self._rivals) < RIVALS_MAX:
-                self._rivals.append(Rival(self._loop, suspect, blame, after))
+                self._rivals.append(Rival(self._loop, suspect, blame, before, after, most))
 
     def _standing(self) -> tuple[Suspect, ...]:
         """Laws that explain the divergences, then events that explain most of them, else the unknown."""

@@ -13,7 +13,7 @@ reproduces the words, if there is one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import Any, NamedTuple
@@ -22,10 +22,10 @@ import numpy as np
 
 from ahgateway.codec.station import Const, Loop
 from ahgateway.core import flags as flag
-from ahgateway.core.controllers.delta_terms import is_rough
 from ahgateway.core.controllers.dpide import D_BOUND
 from ahgateway.core.dialect import Clamped, CrossBand, CrossScan, FilterContent, Freeze, Limits, ManualFilter
 from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits
+from ahgateway.lockstep import loose
 from ahgateway.lockstep.interval import intervals
 from ahgateway.lockstep.picture import Picture, predicted
 
@@ -34,18 +34,6 @@ BOUNDS_MAX = 48
 
 ADVANCED_MAX = 512
 """More states than this behind an unseen execution are not even sorted: where Ts is measured, each is its own."""
-
-MARGIN_ULP = 16
-"""How far rounding can carry a filter that is not quite monotone."""
-
-ROUNDING = 2.0**-23
-"""The same as a share of its content and twice its change: three roundings, at either end."""
-
-STEEP_MIN = 8.0
-"""A loose filter keeps at least one part in so many of its content at each execution (ASSUMED)."""
-
-ROUGH_ULP = 1024
-"""So many ULP of MV a bound of such a filter can miss while it is open: its own errors grow from step to step."""
 
 SETTLED_ULP = 1 << 16
 """A bound this narrow is as good as one state when it comes to causes; a fresh one spans all REALs."""
@@ -70,12 +58,14 @@ class Bound(NamedTuple):
 
 
 Shadow = tuple[Bound, ...]
+Names = tuple[str, ...]
 
 
 class Fit(NamedTuple):
     """One way to explain an execution: what it read, what was before and after, and what it says of itself.
 
-    `open_terms` names the terms whose last bits are not settled, though every word that can be seen is.
+    `open_terms` names the terms whose last bits are not settled, though every word that can be seen is. `lead` is what
+    executions just before it read that nobody saw, oldest first; then `before` is the state before the first of them.
     """
 
     inputs: Any
@@ -84,6 +74,7 @@ class Fit(NamedTuple):
     terms: Any
     open_terms: tuple[str, ...] = ()
     ts: REAL | None = None
+    lead: tuple[Any, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,40 +186,15 @@ def stepped(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> tuple[Bound, Any
             return Bound(low, low), low_terms, low_terms
         high, high_terms = controller.step(inputs, bound.high, loop.dialect, ts)
     was_open = open_attr(bound)
-    is_open_d = is_loose(loop) and was_open == "d"
+    is_open_d = loose.is_loose(loop) and was_open == "d"
     # What was open stays in order; an integral that follows from it may run the other way, and shows itself.
     still = was_open is not None and not same_bits(getattr(low, was_open), getattr(high, was_open))
     attr = was_open if still else open_attr(Bound(low, high))
     if attr is not None and order(getattr(low, attr)) > order(getattr(high, attr)):
         low, high, low_terms, high_terms = high, low, high_terms, low_terms
     if is_open_d:
-        low, high = _enclosing(loop, inputs, bound, ts, low, high)
+        low, high = loose.enclosing(loop, inputs, ts, bound, (low, high))
     return Bound(low, high), low_terms, high_terms
-
-
-def is_loose(loop: Loop) -> bool:
-    """Tell whether the dialect's filter rounds so that the law is monotone in its content but for rounding."""
-    return loop.controller.law_ts is not None and is_rough(loop.dialect)
-
-
-def _enclosing(loop: Loop, inputs: Any, bound: Bound, ts: REAL, low: Any, high: Any) -> tuple[Any, Any]:
-    """Widen both ends behind a loose filter until they enclose what every content between can have become."""
-    first, last = sorted((order(bound.low.d), order(bound.high.d)))
-    if last - first <= 4 * MARGIN_ULP:
-        with quiet(all="ignore"):
-            contents = [
-                loop.controller.step(inputs, bound.low._replace(d=from_order(each)), loop.dialect, ts)[0].d
-                for each in range(first, last + 1)
-            ]
-        return low._replace(d=min(contents, key=order)), high._replace(d=max(contents, key=order))
-    lost = max(_lost(before.d, after.d) for before in bound for after in (low, high))
-    with quiet(all="ignore"):
-        return low._replace(d=REAL(low.d - lost)), high._replace(d=REAL(high.d + lost))
-
-
-def _lost(before: REAL, after: REAL) -> float:
-    """By how much a loose filter's content can be off for rounding."""
-    return ROUNDING * (abs(float(after)) + 2.0 * abs(float(after) - float(before)))
 
 
 def input_variants(loop: Loop, before: Picture, after: Picture) -> list[Any]:
@@ -299,7 +265,7 @@ def explain(
     for inputs in variants:
         by_interval: dict[int, set[tuple[int, ...]]] = {}
         fitting: list[Fit] = []
-        for bound in _passed_unseen(loop, inputs, shadow):
+        for bound in _split(loop, _passed_unseen(loop, inputs, shadow)):
             for ts in intervals(loop, inputs, bound.low, seen.get("I_MV")):
                 after, low_terms, high_terms = stepped(loop, inputs, bound, ts)
                 low = predicted(loop.controller, after.low, low_terms)
@@ -310,15 +276,19 @@ def explain(
                 if not is_point:
                     predictions.add(tuple(bits(high[name]) for name in names))
                 fit = Fit(inputs, bound, after, low_terms, open_terms(low_terms, high_terms), ts)
-                if not is_point and not same_words(names, low, high):
+                if open_attr(bound) == "d" and loose.is_loose(loop):
+                    between, found = _loosely(loop, fit, low, high, seen, names)
+                    predictions.update(between)
+                    fitting.extend(found)
+                elif not is_point and not same_words(names, low, high):
                     is_free = not (low_terms.flags | high_terms.flags) & (flag.FREEZE_HI | flag.FREEZE_LO)
                     if not (is_free and _is_excluded(names, low, high, seen)):
                         fitting.extend(_narrowed(loop, inputs, bound, seen, names, ts))
                 elif same_words(names, low, seen):
                     fitting.append(fit)
-                distance = _distance(names, low, seen)
-                if nearest is None or distance < nearest[0]:
-                    nearest = (distance, fit)
+                missed = distance(names, low, seen)
+                if nearest is None or missed < nearest[0]:
+                    nearest = (missed, fit)
         if fitting:
             fits.extend(each for fit in fitting for each in _unrecorded(loop, fit))
             is_decided = is_decided or _is_told(by_interval, fitting)
@@ -345,6 +315,15 @@ def advanced(loop: Loop, shadow: Shadow, inputs: Any) -> Shadow:
         if len(found) > ADVANCED_MAX:
             return ()
     return merged(found)
+
+
+def _split(loop: Loop, shadow: Shadow) -> Iterator[Bound]:
+    """The bounds, and by itself a filter of the input that holds 0: it begins with what it meets."""
+    for bound in shadow:
+        yield bound
+        if not bound.is_point and loop.dialect.filter_content == FilterContent.INPUT and bound.low.d < 0 < bound.high.d:
+            empty = bound.low._replace(d=REAL(0))
+            yield Bound(empty, empty)
 
 
 def _passed_unseen(loop: Loop, inputs: Any, shadow: Shadow) -> Shadow:
@@ -411,7 +390,7 @@ def _is_told(by_interval: Mapping[int, set[tuple[int, ...]]], fitting: list[Fit]
     return len(set().union(*by_interval.values())) == 1
 
 
-def _distance(names: Iterable[str], left: Mapping[str, REAL], right: Mapping[str, REAL]) -> int:
+def distance(names: Iterable[str], left: Mapping[str, REAL], right: Mapping[str, REAL]) -> int:
     """Rank a prediction: first how many words differ, then by how much in total."""
     total = 0
     for name in names:
@@ -426,38 +405,34 @@ def _narrowed(
 ) -> list[Fit]:
     """Cut a bound down to the part that reproduces the words; nothing when no part does.
 
-    Two filters of the dialect round so that the law is monotone but for a few ULP: there a wide part keeps a margin,
-    and a narrow one is tried value by value.
+    Of a loose filter's bound everything is kept that roundings can have brought there, and few values are tried.
     """
     attr = open_attr(bound)
     if attr is None:
         return []
+    is_rough = attr == "d" and loose.is_loose(loop)
 
     def side(position: int) -> int:
+        if is_rough:
+            # A filter that holds 0 begins anew and is no part of any order; `_split` has it apart.
+            state = bound.low._replace(d=from_order(position or 1))
+            return loose.side(loop, inputs, state, seen, ts)
         state = bound.low._replace(**{attr: from_order(position)})
         return _side(loop, inputs, state, seen, names, ts)
 
     low, high = sorted((order(getattr(bound.low, attr)), order(getattr(bound.high, attr))))
-    margin = MARGIN_ULP if is_loose(loop) else 0
-    if not margin or high - low > 4 * MARGIN_ULP:
-        sign = -1 if side(low) > side(high) else 1
-        first = _first(low, high, lambda position: sign * side(position) >= 0)
-        last = _first(low, high, lambda position: sign * side(position) > 0) - 1
-        if margin and attr == "d" and low <= first <= last <= high:
-            first, last = _loosened(loop, inputs, bound, ts, first, last)
-        low, high = max(low, first - margin), min(high, last + margin)
-    if margin and high - low <= 4 * MARGIN_ULP:
-        fitting = [position for position in range(low, high + 1) if side(position) == 0]
-        if not fitting:
-            return []
-        low, high = fitting[0], fitting[-1]
-    if low > high:
+    sign = -1 if side(low) > side(high) else 1
+    first = _first(low, high, lambda position: sign * side(position) >= 0)
+    last = _first(low, high, lambda position: sign * side(position) > 0) - 1
+    if first > last:
         return []
-    part = Bound(bound.low._replace(**{attr: from_order(low)}), bound.low._replace(**{attr: from_order(high)}))
+    part = Bound(bound.low._replace(**{attr: from_order(first)}), bound.low._replace(**{attr: from_order(last)}))
     after, terms, high_terms = stepped(loop, inputs, part, ts)
     fit = Fit(inputs, part, after, terms, open_terms(terms, high_terms), ts)
-    if margin:
-        # Ends within the margin predict neighbours of what was seen; what is shown is no longer open.
+    if is_rough and loose.values(*part) is not None:
+        return _loosely(loop, fit, {}, {}, seen, names)[1]
+    if is_rough:
+        # Ends within the roundings predict neighbours of what was seen; what is shown is no longer open.
         return [fit._replace(after=patched(loop, fit, seen)[0])]
     for words in (predicted(loop.controller, after.low, terms), predicted(loop.controller, after.high, high_terms)):
         if not same_words(names, words, seen):
@@ -465,15 +440,40 @@ def _narrowed(
     return [fit]
 
 
-def _loosened(loop: Loop, inputs: Any, bound: Bound, ts: REAL, first: int, last: int) -> tuple[int, int]:
-    """Widen a part of a loose filter's content by what rounding can have shifted its edges."""
-    part = Bound(bound.low._replace(d=from_order(first)), bound.low._replace(d=from_order(last)))
-    with quiet(all="ignore"):
-        reached = [loop.controller.step(inputs, each, loop.dialect, ts)[0].d for each in part]
-        lost = max(_lost(before.d, after) for before, after in zip(part, reached, strict=True))
-        width, moved = float(part.high.d) - float(part.low.d), abs(float(reached[1]) - float(reached[0]))
-        margin = 2.0 * lost * max(1.0, width / moved if moved > 0.0 else STEEP_MIN)
-        return order(REAL(part.low.d - margin)), order(REAL(part.high.d + margin))
+def _loosely(
+    loop: Loop, fit: Fit, low: Mapping[str, REAL], high: Mapping[str, REAL], seen: Mapping[str, REAL], names: Names
+) -> tuple[set[tuple[int, ...]], list[Fit]]:
+    """What the contents of a loose filter's bound predict beside its ends, and the part that reproduces the words."""
+    contents = loose.values(*fit.before)
+    assert fit.ts is not None
+    if contents is None:
+        if same_words(names, low, high) and loose.is_same_between(loop, fit, names, low):
+            return set(), [fit] if same_words(names, low, seen) else []
+        # Too many to try: there may be others between, so that nothing is decided.
+        rough = loose.roughness(loop, fit.inputs, fit.ts, fit.before.low, fit.after.low, fit.terms)
+        if loose.is_excluded(fit, names, low, high, seen, rough):
+            return {()}, []
+        return {()}, _narrowed(loop, fit.inputs, fit.before, seen, names, fit.ts)
+    found, predictions = [], set()
+    for each in contents:
+        point = fit.before.low._replace(d=each)
+        after, terms, _ = stepped(loop, fit.inputs, Bound(point, point), fit.ts)
+        words = predicted(loop.controller, after.low, terms)
+        predictions.add(tuple(bits(words[name]) for name in names))
+        if same_words(names, words, seen):
+            found.append(Fit(fit.inputs, Bound(point, point), after, terms, (), fit.ts))
+    return predictions, _joined(found)
+
+
+def _joined(fits: list[Fit]) -> list[Fit]:
+    """Fits that differ in D's filter alone as one, whose bounds enclose them all."""
+    if len(fits) < 2 or len({state_key(fit.after.low._replace(d=REAL(0))) for fit in fits}) > 1:
+        return fits
+    before = _hull(fits[0].before, fits[-1].before)
+    contents = sorted((fit.after.low.d for fit in fits), key=order)
+    after = Bound(fits[0].after.low._replace(d=contents[0]), fits[0].after.low._replace(d=contents[-1]))
+    open_ones = open_terms(fits[0].terms, fits[-1].terms)
+    return [Fit(fits[0].inputs, before, after, fits[0].terms, open_ones, fits[0].ts)]
 
 
 def _first(low: int, high: int, holds: Callable[[int], bool]) -> int:
@@ -560,24 +560,17 @@ def is_unbounded(bound: Bound) -> bool:
 def is_roughly_bounded(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
     """Tell whether a miss says nothing, because the ends of an open bound need not enclose the truth.
 
-    So it is at a limit, in manual and in a transfer, where what is followed stands or jumps while D is open, and in a
-    filter that rounding makes not quite monotone, when I_MV and MV are missed by little.
+    So it is at a limit, in manual and in a transfer, where what is followed stands or jumps while D is open.
     """
     if fit.before.is_point or loop.controller.law_ts is None:
         return False
     read = fit.inputs
     is_at_limit = any(same_bits(seen["MV"], edge) for edge in (read.mv_min, read.mv_max))
     is_transfer = bool(fit.before.low.man1 or read.pid_man)
-    is_of_input = loop.dialect.filter_content == FilterContent.INPUT
-    if (is_at_limit or is_transfer or is_of_input) and is_unbounded(fit.before):
+    if (is_at_limit or is_transfer) and is_unbounded(fit.before):
         return True
     is_at_limit |= bool(fit.terms.flags & (flag.FREEZE_HI | flag.FREEZE_LO))
-    if is_at_limit and loop.dialect.freeze == Freeze.BACK_CALCULATED:
-        return True
-    if not is_loose(loop):
-        return False
-    ref = predicted(loop.controller, fit.after.low, fit.terms)
-    return all(abs(order(ref[name]) - order(seen[name])) <= ROUGH_ULP for name in ("I_MV", "MV"))
+    return is_at_limit and loop.dialect.freeze == Freeze.BACK_CALCULATED
 
 
 def patched(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> Shadow:

@@ -7,15 +7,20 @@ from __future__ import annotations
 
 import random
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from dialects import random_dialect
 from lockstep.bench_world import World
+from lockstep.dialect_traces import suited
 from lockstep.ways_world import ground
 
 from ahgateway.codec.ways import Way
-from ahgateway.core.real import bits, quiet
+from ahgateway.core.controllers import CONTROLLERS
+from ahgateway.core.dialect import Dialect
+from ahgateway.core.real import REAL, bits, quiet
 from ahgateway.fake.faults import FAULTS
+from ahgateway.fake.plc import FakePlc
 from ahgateway.lockstep.cause_classes import class_of
 from ahgateway.lockstep.picture import predicted
 from ahgateway.lockstep.suspects import Suspect
@@ -24,6 +29,9 @@ WELL = 120
 WRONG = 240
 LOOKS = 4
 """Looks at the PLC that one look of a way other than polling stands for: it sees at least one execution each."""
+STOOD = 12
+"""A trial ends early when one cause has stood first through so many divergences."""
+CYCLE_MS = 100
 SCHEDULES = ("first_call", "run_on", "run_off_scan", "en_off_time", "schedule", "ts_source")
 
 GAINS: dict[str, dict[str, Any]] = {
@@ -33,7 +41,7 @@ GAINS: dict[str, dict[str, Any]] = {
 
 STIR: dict[str, list[tuple[int, str, Any]]] = {
     "dead-band-ignored": [(1, "ERR_DBW", 4.0), (60, "SV", 51.0)],
-    "no-bumpless": [(2, "PID_MAN", True), (3, "MOUT", 35.0), (30, "PID_MAN", False)] * 1,
+    "no-bumpless": [(2, "PID_MAN", True), (3, "MOUT", 35.0), (30, "PID_MAN", False)],
     "windup": [(2, "SV", 150.0), (100, "SV", 60.0)],
     "limits-before-sum": [(2, "MV_MAX", 55.0), (60, "SV", 80.0), (120, "SV", 40.0)],
     "bias-after-limits": [(2, "MV_MAX", 55.0), (60, "SV", 80.0), (120, "SV", 40.0)],
@@ -91,33 +99,73 @@ def is_right(name: str, suspects: tuple[Suspect, ...]) -> bool:
     return bool(suspects) and label(suspects[0]) in allowed
 
 
-async def tried(name: str, law: str, dialect: int, seed: int, way: Way = Way.POLLED) -> Trial:
-    """Run one fault on one loop."""
+async def warm(law: str, dialect: int, seed: int, way: Way = Way.POLLED) -> World:
+    """A loop that has run well for a while, with one step of SV; the same for every fault."""
     chosen = random_dialect(dialect, share=(dialect % 4) / 4, without=SCHEDULES)
-    chance = random.Random(f"catalogue {name} {law} {dialect} {seed}")
+    chance = random.Random(f"catalogue {law} {dialect} {seed}")
     gains = {operand: value * chance.uniform(0.8, 1.25) for operand, value in GAINS[law].items()}
     if law == "DPIDE":
         gains |= {"PID_EQ": chance.random() < 0.3, "PID_DE": chance.random() < 0.3}
         gains["Ti_Ki"] = 1.0 / gains["Ti_Ki"] if gains["PID_EQ"] else gains["Ti_Ki"]
-    world = ground(way, law, gains, seed=seed, loop_changes={"dialect": chosen})
-    looks = 1 if way is Way.POLLED else LOOKS
+    world = ground(
+        way, law, _suited(law, gains, chosen), seed=seed, cycle_ms=CYCLE_MS, loop_changes={"dialect": chosen}
+    )
+    looks = looks_of(world)
     world.plc.write("L1", "SV", 52.0)
     for poll in range(WELL // looks):
         if poll == WELL // looks // 2:
             world.plc.write("L1", "SV", 48.0)
         await world.poll()
+    return world
+
+
+async def go_wrong(world: World, name: str) -> Trial:
+    """Let a loop that has run well go wrong in this way."""
+    looks = looks_of(world)
+    chance = random.Random(f"moments {name}")
     false = world.follower.counts.diverged
     before = world.plc.executed("L1")
     world.plc.fail("L1", name)
-    stir: dict[int, list[tuple[str, Any]]] = {}
+    stir: dict[int, tuple[str, Any]] = {}
     for poll, operand, value in STIR.get(name, [(10, "SV", 55.0), (120, "SV", 47.0)]):
-        stir.setdefault(poll // looks, []).append((operand, value))
+        stir[max(poll // looks, max(stir, default=-1) + 1)] = (operand, value)
+    first, stood, diverged = "", 0, false
     for poll in range(WRONG // looks):
-        for operand, value in stir.get(poll, []):
-            world.plc.write("L1", operand, value)
+        if poll in stir:
+            # At any moment between two looks, as operators do.
+            moment = world.plc.now_ns + chance.randrange(world.poll_ns)
+            world.plc.at(moment, partial(_write, *stir[poll]))
         await world.poll()
+        if world.follower.counts.diverged > diverged:
+            now = label(world.follower.suspects[0])
+            stood = stood + 1 if now == first else 1
+            first, diverged = now, world.follower.counts.diverged
+        if stood >= STOOD:
+            break
     changed = _changed(world, world.plc.executed("L1") - before)
     return Trial(changed, world.follower.counts.diverged - false, false, world.follower.suspects)
+
+
+async def tried(name: str, law: str, dialect: int, seed: int, way: Way = Way.POLLED) -> Trial:
+    """Run one fault on one loop."""
+    return await go_wrong(await warm(law, dialect, seed, way), name)
+
+
+def _suited(law: str, gains: dict[str, Any], dialect: Dialect) -> dict[str, Any]:
+    """The gains with which a loop works in this dialect: its sign, its unit of time."""
+    controller = CONTROLLERS[law]
+    given = {name.lower(): REAL(value) if isinstance(value, float) else value for name, value in gains.items()}
+    cycle = CYCLE_MS // 10 if law == "DPID" else CYCLE_MS
+    fit = suited(controller, controller.inputs(**given, cycle=cycle), dialect)
+    return {name: getattr(fit, name.lower()) for name in (*gains, "PID_DIR")}
+
+
+def _write(operand: str, value: Any, plc: FakePlc) -> None:
+    plc.write("L1", operand, value)
+
+
+def looks_of(world: World) -> int:
+    return 1 if world.loop.way is Way.POLLED and world.poll_ns < 100_000_000 else LOOKS
 
 
 def _changed(world: World, executions: int) -> int:

@@ -15,6 +15,7 @@ from ahgateway.clock import MILLISECOND
 from ahgateway.codec.devices import parse_device
 from ahgateway.codec.station import PlantSpec
 from ahgateway.codec.ways import Each, Place, Recorder, Trigger, Way
+from ahgateway.core.controllers import CONTROLLERS, Controller
 
 WAYS = (Way.STEPPED, Way.RECORDED, Way.POLLED, Way.COUNTED)
 
@@ -67,9 +68,17 @@ STILL = PlantSpec("fopdt", 0.0, 3.0, 0.2, 47.0, 0.0, 47.0)
 """A process that nothing moves: what is known of PV at both ends of an interval is known of all of it."""
 
 
-def layout(controller: str, **changes: Any) -> Recorder:
+def recorded_pv(law: Controller) -> str:
+    """The word of I_MV in which the instruction records PV."""
+    return next(word.name for word in law.seen if word.attr == "pv1")
+
+
+def layout(controller: str, dialect: Any = None, **changes: Any) -> Recorder:
     """A ring of 64 records at D2000: number, time in ms, flags and first scan, operands, number again."""
     fields = FIELDS[controller]
+    law = CONTROLLERS[controller]
+    usual, placed = (recorded_pv(each) for each in (law, law if dialect is None else law.with_pv_word(dialect)))
+    fields = {placed if name == usual else name: place for name, place in fields.items()}
     length = max(place.offset for place in fields.values()) + 3
     given: dict[str, Any] = {
         "ring": parse_device("D2000"),
@@ -110,7 +119,7 @@ def ground(
     """
     changes = dict(loop_changes or {})
     if way is Way.RECORDED:
-        changes |= {"way": way, "recorder": layout(controller, each=each)}
+        changes |= {"way": way, "recorder": layout(controller, changes.get("dialect"), each=each)}
         if each is Each.CALL:
             changes["interval_ms"] = cycle_ms
     elif way is Way.STEPPED:
