@@ -12,7 +12,7 @@ from typing import Any
 from tornado.httpclient import AsyncHTTPClient
 from tornado.websocket import websocket_connect
 
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 STEP_S = 0.05
 
 

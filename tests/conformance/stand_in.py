@@ -18,6 +18,8 @@ from typing import Any
 
 CYCLE_MS = 100
 SCAN_S = 0.006
+LATE_MS_MAX = 30
+"""More is not carried: two executions are never nearer to each other than a scan of this length makes them."""
 SV_EVERY = 15
 """Executions between two steps of SV."""
 
@@ -95,7 +97,7 @@ class Plc:
         return bytes([function | 0x80, 2 if function in (1, 3) else 1])
 
     async def scan(self) -> None:
-        """Scan for ever: move the process, execute when CYCLE has elapsed, carry the excess."""
+        """Scan for ever: move the process, execute when CYCLE has elapsed, carry the excess of a late scan."""
         began = time.monotonic()
         elapsed_ms, since_ms, seen_ms, before = CYCLE_MS, CYCLE_MS, 0, began
         while True:
@@ -109,7 +111,7 @@ class Plc:
             elapsed_ms, since_ms = elapsed_ms + moved_ms, since_ms + moved_ms
             if elapsed_ms >= CYCLE_MS:
                 self.execute(since_ms)
-                since_ms, elapsed_ms = 0, min(elapsed_ms - CYCLE_MS, CYCLE_MS - 1)
+                since_ms, elapsed_ms = 0, min(elapsed_ms - CYCLE_MS, LATE_MS_MAX)
                 self.put(100, 62.0 if self.executions // SV_EVERY % 2 else 50.0)
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
