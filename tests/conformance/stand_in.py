@@ -4,7 +4,7 @@
 
 Prints its port, then runs until it is ended. The layout is the manual's: SV D100 … BIAS D124, I_MV D126…145, MV D200,
 PID_RUN M1, PID_MAN M2, MOUT_AUTO M3, PID_EQ M4, PID_DE M5, PID_DIR M6. Kc acts as `gain` times its register from
-execution `good` on, counted from the first question.
+the question number `good` on.
 """
 
 from __future__ import annotations
@@ -63,8 +63,7 @@ class Plc:
         """One execution in automatic: E = SV - PV, independent form, D of E behind a backward filter."""
         kc, ki, kd, tf = (self.get(number) for number in (108, 110, 112, 114))
         self.executions += 1
-        self.asked += self.asked > 0
-        if self.asked > self.good:
+        if self.asked >= self.good:
             kc = f32(kc * self.gain)
         ts = f32((interval_ms if self.is_measured else self.words[106]) / 1000.0)
         pv = self.get(102)
@@ -86,7 +85,7 @@ class Plc:
 
     def answer(self, asked: bytes) -> bytes:
         """The PDU for a PDU: function 1 and 3, an exception for all else."""
-        self.asked = self.asked or 1
+        self.asked += 1
         function, first, count = struct.unpack(">BHH", asked[:5])
         if function == 3 and first + count <= len(self.words):
             return struct.pack(f">BB{count}H", 3, 2 * count, *self.words[first : first + count])
