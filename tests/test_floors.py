@@ -41,7 +41,7 @@ print("LOADED", code, *sorted({name.partition(".")[0] for name in sys.modules}))
 
 def python(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        [sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, *arguments], cwd=ROOT, capture_output=True, text=True, timeout=200, check=False
     )
 
 

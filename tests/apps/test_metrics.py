@@ -28,7 +28,7 @@ def page(world: ScreenWorld) -> dict[str, float]:
 
 
 def fetched(port: int) -> bytes:
-    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=5) as reply:
+    with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics", timeout=60) as reply:
         return reply.read()
 
 

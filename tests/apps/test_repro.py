@@ -77,7 +77,7 @@ def played(*folders: Path) -> str:
         text=True,
         cwd=folders[0].parent,
         env={**os.environ, "PYTHONPATH": str(ROOT), "PYTEST_ADDOPTS": ""},
-        timeout=120,
+        timeout=300,
         check=False,
     )
     return found.stdout + found.stderr

@@ -54,7 +54,7 @@ def project(folder: Path, **scenarios: str) -> Path:
 def ran(folder: Path, environment: dict[str, str], *arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "-rA", "--junitxml=out.xml", *arguments]
     return subprocess.run(
-        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=100.0, check=False
+        command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300.0, check=False
     )
 
 
@@ -107,6 +107,6 @@ def test_a_real_target_is_not_driven_without_being_armed(tmp_path: Path, install
 def test_the_plugin_loads_nothing_heavy() -> None:
     heavy = ("numpy", "scipy", "pydantic", "pymodbus", "serial", "can", "textual", "matplotlib", "typer")
     code = f"import sys, ahgateway.cli.pytest_plugin; print([name for name in {heavy} if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60.0, check=True)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=200.0, check=True)
 
     assert "[]" == done.stdout.strip()

@@ -12,7 +12,7 @@ from typing import Any
 from tornado.httpclient import AsyncHTTPClient
 from tornado.websocket import websocket_connect
 
-PATIENCE_S = 30.0
+PATIENCE_S = 120.0
 STEP_S = 0.05
 
 
@@ -47,13 +47,23 @@ class Browser:
         place = self._home / "DevToolsActivePort"
         await until(lambda: place.is_file() and place.read_text().count("\n") >= 1, "Chromium says its port")
         port = place.read_text().splitlines()[0]
-        reply = await AsyncHTTPClient().fetch(f"http://127.0.0.1:{port}/json/list")
-        page = next(each for each in json.loads(reply.body) if each["type"] == "page")
+        page = await self._page(f"http://127.0.0.1:{port}/json/list")
         self._socket = await websocket_connect(page["webSocketDebuggerUrl"], max_message_size=1 << 28)
         self._reader = asyncio.ensure_future(self._read())
         for domain in ("Page", "Network", "Runtime", "Log"):
             await self.do(f"{domain}.enable")
         await self.size(width, height)
+
+    @staticmethod
+    async def _page(url: str) -> Any:
+        """Return what the browser says of its page; the port is open a little before there is one."""
+        for _ in range(round(PATIENCE_S / STEP_S)):
+            reply = await AsyncHTTPClient().fetch(url, request_timeout=PATIENCE_S)
+            for each in json.loads(reply.body):
+                if each["type"] == "page":
+                    return each
+            await asyncio.sleep(STEP_S)
+        raise AssertionError("Chromium has no page")
 
     async def close(self) -> None:
         """End the browser and wait for it."""

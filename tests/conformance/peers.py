@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import signal
 import subprocess
 import sys
 import tempfile
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 from ahgateway.codec.access import Read, Request, Table
 from ahgateway.errors import PlcRefusedError
@@ -35,8 +37,33 @@ def plc_process(profile: str) -> Iterator[str]:
         yield f"modbus+tcp://127.0.0.1:{int(process.stdout.readline())}?unit=1"
     finally:
         process.send_signal(signal.SIGTERM)
-        _, said = process.communicate(timeout=20)
+        _, said = process.communicate(timeout=60)
         assert process.returncode == 0, said
+
+
+def followed(*arguments: str | Path, enough: Callable[[list[dict[str, Any]]], bool]) -> list[dict[str, Any]]:
+    """Let `monitor` follow until it has said enough, end it with Ctrl-C; return its JSON lines, its exit code behind.
+
+    No time is waited for: how much is seen in a second is a matter of how busy the machine is.
+    """
+    command = [*AHGATEWAY, "monitor", *map(str, arguments), "--duration", "300", "--output", "json"]
+    lines: list[dict[str, Any]] = []
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        for line in process.stdout:
+            lines.append(json.loads(line))
+            if enough(lines):
+                process.send_signal(signal.SIGINT)
+                break
+        rest, said = process.communicate(timeout=100)
+    assert enough(lines), said
+    assert "internal error" not in said, said
+    return [*lines, *map(json.loads, rest.splitlines()), {"kind": "end", "code": process.returncode, "said": said}]
+
+
+def verdicts(lines: list[dict[str, Any]], loop: str = "") -> list[str]:
+    """The verdicts of executions among what `monitor` said, of one loop or of all."""
+    return [line["verdict"] for line in lines if "verdict" in line and loop in ("", line["loop"])]
 
 
 class TinyPlc:
@@ -70,9 +97,8 @@ async def serial_pair() -> AsyncIterator[tuple[str, str]]:
     with tempfile.TemporaryDirectory() as folder:
         ends = Path(folder, "plc"), Path(folder, "laptop")
         process = await asyncio.create_subprocess_exec("socat", *(f"PTY,raw,echo=0,link={end}" for end in ends))
-        for _ in range(1000):
-            if all(end.exists() for end in ends):
-                break
+        while not all(end.exists() for end in ends):
+            assert process.returncode is None, "socat made no pseudo-terminals"
             await asyncio.sleep(0.002)
         try:
             yield str(ends[0]), str(ends[1])

@@ -4,7 +4,7 @@
 
 Prints its port, then runs until it is ended. The layout is the manual's: SV D100 … BIAS D124, I_MV D126…145, MV D200,
 PID_RUN M1, PID_MAN M2, MOUT_AUTO M3, PID_EQ M4, PID_DE M5, PID_DIR M6. Kc acts as `gain` times its register from
-execution `good` on, counted from the first question.
+the question number `good` on.
 """
 
 from __future__ import annotations
@@ -18,6 +18,8 @@ from typing import Any
 
 CYCLE_MS = 100
 SCAN_S = 0.006
+LATE_MS_MAX = 30
+"""More is not carried: two executions are never nearer to each other than a scan of this length makes them."""
 SV_EVERY = 15
 """Executions between two steps of SV."""
 
@@ -61,8 +63,7 @@ class Plc:
         """One execution in automatic: E = SV - PV, independent form, D of E behind a backward filter."""
         kc, ki, kd, tf = (self.get(number) for number in (108, 110, 112, 114))
         self.executions += 1
-        self.asked += self.asked > 0
-        if self.asked > self.good:
+        if self.asked >= self.good:
             kc = f32(kc * self.gain)
         ts = f32((interval_ms if self.is_measured else self.words[106]) / 1000.0)
         pv = self.get(102)
@@ -84,7 +85,7 @@ class Plc:
 
     def answer(self, asked: bytes) -> bytes:
         """The PDU for a PDU: function 1 and 3, an exception for all else."""
-        self.asked = self.asked or 1
+        self.asked += 1
         function, first, count = struct.unpack(">BHH", asked[:5])
         if function == 3 and first + count <= len(self.words):
             return struct.pack(f">BB{count}H", 3, 2 * count, *self.words[first : first + count])
@@ -95,7 +96,7 @@ class Plc:
         return bytes([function | 0x80, 2 if function in (1, 3) else 1])
 
     async def scan(self) -> None:
-        """Scan for ever: move the process, execute when CYCLE has elapsed, carry the excess."""
+        """Scan for ever: move the process, execute when CYCLE has elapsed, carry the excess of a late scan."""
         began = time.monotonic()
         elapsed_ms, since_ms, seen_ms, before = CYCLE_MS, CYCLE_MS, 0, began
         while True:
@@ -109,7 +110,7 @@ class Plc:
             elapsed_ms, since_ms = elapsed_ms + moved_ms, since_ms + moved_ms
             if elapsed_ms >= CYCLE_MS:
                 self.execute(since_ms)
-                since_ms, elapsed_ms = 0, min(elapsed_ms - CYCLE_MS, CYCLE_MS - 1)
+                since_ms, elapsed_ms = 0, min(elapsed_ms - CYCLE_MS, LATE_MS_MAX)
                 self.put(100, 62.0 if self.executions // SV_EVERY % 2 else 50.0)
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -20,8 +20,8 @@ from ahgateway.transports.server import TcpServer, serve_tcp
 from ahgateway.transports.serving import FRAMINGS, serve_at
 from ahgateway.transports.uri import open_link, parse_uri
 
-PICTURES = {"modbus+tcp": 2000, "modbus+rtu": 200}
-PROVEN = {"modbus+tcp": 400, "modbus+rtu": 40}
+PICTURES = {"modbus+tcp": 1000, "modbus+rtu": 200}
+PROVEN = {"modbus+tcp": 200, "modbus+rtu": 40}
 
 
 @contextlib.asynccontextmanager

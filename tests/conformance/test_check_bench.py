@@ -48,7 +48,7 @@ always = "PV < 80"
 
 
 def ahgateway(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run([*AHGATEWAY, *arguments], capture_output=True, text=True, timeout=60.0, check=False)
+    return subprocess.run([*AHGATEWAY, *arguments], capture_output=True, text=True, timeout=200.0, check=False)
 
 
 AS_FOUND = ("33.0", "30.0", "500", "1.25")
@@ -87,14 +87,14 @@ def test_a_run_killed_in_the_middle_is_put_back_by_the_journal(bench_plc: str, t
     asked = ["live_bench", "--target", bench_plc]
     command = [*AHGATEWAY, "check", str(tmp_path / "mine"), "--profile", *asked, "--arm", "--directory", str(tmp_path)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    for _ in range(600):
+    for _ in range(3000):
         journals = list(tmp_path.glob("*.jsonl"))
         if journals and '"why": "check: begin"' in journals[0].read_text():
             break
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(timeout=0.05)
     process.kill()
-    process.communicate(timeout=20)
+    process.communicate(timeout=60)
 
     assert AS_FOUND != standing(bench_plc)
     restored = ahgateway("write", *asked, "--arm", "DPIDE", "--restore", "--directory", str(tmp_path))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import signal
 import subprocess
@@ -10,12 +9,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from conformance.peers import AHGATEWAY, plc_process
+from conformance.peers import AHGATEWAY, followed, plc_process, verdicts
 
 pytestmark = pytest.mark.slow
 
 
-def run(*arguments: str, timeout_s: float = 60.0) -> subprocess.CompletedProcess[str]:
+def run(*arguments: str, timeout_s: float = 200.0) -> subprocess.CompletedProcess[str]:
     return subprocess.run([*AHGATEWAY, *arguments], capture_output=True, text=True, timeout=timeout_s, check=False)
 
 
@@ -28,7 +27,7 @@ def fake_plc() -> Iterator[str]:
 
 def test_demo_finds_exactly_the_planted_fault_and_its_recording_comes_to_the_same_verdicts(tmp_path: Path) -> None:
     path = tmp_path / "demo.ahrec"
-    done = run("demo", "--record", str(path), timeout_s=30.0)
+    done = run("demo", "--record", str(path))
 
     assert done.returncode == 0, done.stdout + done.stderr
     convicted = next(line for line in done.stdout.splitlines() if "DIVERGED:" in line)
@@ -48,7 +47,7 @@ def test_demo_ends_cleanly_with_ctrl_c() -> None:
     assert process.stdout is not None
     process.stdout.readline()
     process.send_signal(signal.SIGINT)
-    out, said = process.communicate(timeout=20)
+    out, said = process.communicate(timeout=60)
 
     assert process.returncode == 3
     assert "stopped before the end: nothing is claimed" in out
@@ -56,14 +55,14 @@ def test_demo_ends_cleanly_with_ctrl_c() -> None:
 
 
 def test_monitor_follows_a_plc_in_another_process(fake_plc: str) -> None:
-    done = run("monitor", "demo", "--target", fake_plc, "--duration", "6", "--output", "json")
-
-    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    *lines, end = followed(
+        "demo", "--target", fake_plc, enough=lambda told: 30 <= verdicts(told, "LIC-201").count("MATCH")
+    )
     summaries = {line["loop"]: line for line in lines if line["kind"] == "summary"}
     assert set(summaries) == {"TIC-101", "LIC-201"}
     assert all(line["counts"]["diverged"] == 0 for line in summaries.values())
     assert summaries["LIC-201"]["counts"]["informative"] >= 10
-    assert done.returncode == 0, done.stderr
+    assert 0 == end["code"], end["said"]
 
 
 def test_monitor_of_a_wrong_unit_says_so_and_is_inconclusive(fake_plc: str) -> None:

@@ -244,18 +244,18 @@ async def test_an_idle_serial_port_is_released_for_others() -> None:
         server = await serve_serial(TinyPlc(), Line(plc_end, 115200))
         first, second = (
             SerialLink(Line(our_end, 115200, "N"), clock=WallClock(), pacing=Pacing(close_when_idle_ms=idle_ms))
-            for idle_ms in (30, 0)
+            for idle_ms in (1500, 0)
         )
         assert (7, 14) == (await first.exchange(POLL)).values
         with pytest.raises(LinkError, match="port is busy"):
             await second.exchange(POLL)
-        async with asyncio.timeout(5):
+        async with asyncio.timeout(30):
             while True:
                 try:
                     assert (7, 14) == (await second.exchange(POLL)).values
                     break
                 except LinkError:
-                    await asyncio.sleep(0.01)
+                    await asyncio.sleep(0.05)
         await second.close()
         assert (7, 14) == (await first.exchange(POLL)).values
         assert 0 == first.figures.reconnects

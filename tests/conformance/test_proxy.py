@@ -182,5 +182,5 @@ def test_the_command_is_off_by_default_and_unmistakable_when_on(tmp_path: Path) 
         assert process.stdout is not None
         assert int(process.stdout.readline()) > 0
         process.send_signal(signal.SIGTERM)
-        _, talk = process.communicate(timeout=20)
+        _, talk = process.communicate(timeout=60)
         assert (0, True) == (process.returncode, said in talk)

@@ -20,7 +20,7 @@ def typed(*words: object) -> str:
 @pytest.mark.slow
 def test_monitor_follows_a_recording_as_a_target(tmp_path: Path) -> None:
     first = tmp_path / "first.ahrec"
-    done = RUNNER.invoke(app, ["monitor", "demo", "--duration", "0.4", "--record", str(first), "--record-frames"])
+    done = RUNNER.invoke(app, ["monitor", "demo", "--duration", "3", "--record", str(first), "--record-frames"])
     assert "recorded" in done.stderr
     info = json.loads(typed("info", first, "--output", "json"))
     assert 0 < info["rows"]

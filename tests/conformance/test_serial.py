@@ -77,7 +77,7 @@ async def test_broadcasts_are_refused_on_a_line() -> None:
 async def test_an_unplugged_adapter_is_found_again_when_it_is_back() -> None:
     async with serial_pair() as (plc_end, our_end):
         server = await serve_serial(TinyPlc(), Line(plc_end, 115200))
-        link = SerialLink(Line(our_end, 115200), clock=WallClock(), pacing=Pacing(reply_timeout_ms=100))
+        link = SerialLink(Line(our_end, 115200), clock=WallClock(), pacing=Pacing(reply_timeout_ms=2000))
         assert (7, 14) == (await link.exchange(INPUT)).values
         await server.close()
     with pytest.raises(LinkError):
@@ -209,7 +209,7 @@ async def test_the_settings_of_the_target_reach_the_port() -> None:
         gateway.start()
         port = gateway.listener.getsockname()[1]
         target = parse_uri(f"modbus+ascii://rfc2217://127.0.0.1:{port}?baud=19200&parity=O&bits=7&stop=2")
-        link = open_link(target, WallClock(), Pacing(reply_timeout_ms=2000))
+        link = open_link(target, WallClock(), Pacing(reply_timeout_ms=10_000))
         assert (7, 14) == (await link.exchange(INPUT)).values
         await link.close()
         assert (19200, 7, "O", 2) in gateway.seen
@@ -222,7 +222,7 @@ async def test_the_settings_of_the_target_reach_the_port() -> None:
 @pytest.mark.parametrize("baud", [19200, 115200])
 async def test_the_silence_between_frames_is_never_shorter_than_the_standards(slow_unit: SlowUnit, baud: int) -> None:
     line = Line(slow_unit.name_of_port, baud)
-    link = SerialLink(line, clock=WallClock())
+    link = SerialLink(line, clock=WallClock(), pacing=Pacing(reply_timeout_ms=5000))
     for _ in range(15):
         await link.exchange(INPUT)
     await link.close()
@@ -233,7 +233,7 @@ async def test_the_silence_between_frames_is_never_shorter_than_the_standards(sl
 async def test_many_callers_share_one_line() -> None:
     async with serial_pair() as (plc_end, our_end):
         server = await serve_serial(TinyPlc(), Line(plc_end, 115200))
-        link = SerialLink(Line(our_end, 115200), clock=WallClock())
+        link = SerialLink(Line(our_end, 115200), clock=WallClock(), pacing=Pacing(reply_timeout_ms=5000))
         asked = [Read(1, Table.INPUT, address, 2) for address in range(12)]
         replies = await asyncio.gather(*(link.exchange(request) for request in asked))
         assert [(7 * address, 7 * address + 7) for address in range(12)] == [reply.values for reply in replies]

@@ -84,7 +84,7 @@ async def said(*command: str) -> str:
     process = await asyncio.create_subprocess_exec(
         *command, stdout=asyncio.subprocess.PIPE, stderr=asyncio.subprocess.STDOUT
     )
-    output, _ = await asyncio.wait_for(process.communicate(), 20)
+    output, _ = await asyncio.wait_for(process.communicate(), 100)
     return output.decode()
 
 
@@ -130,7 +130,7 @@ def libmodbus(tmp_path_factory: pytest.TempPathFactory) -> Path:
 async def running(*command: str) -> AsyncIterator[None]:
     process = await asyncio.create_subprocess_exec(*command, stdout=asyncio.subprocess.PIPE)
     assert process.stdout is not None
-    assert b"ready\n" == await asyncio.wait_for(process.stdout.readline(), 10)
+    assert b"ready\n" == await asyncio.wait_for(process.stdout.readline(), 100)
     try:
         yield
     finally:

@@ -36,7 +36,7 @@ def test_the_command_serves_until_told_to_end_and_ends_with_0():
         # SV 80.0 = 0x42A00000.
         assert asyncio.run(ask()) == [0x0000, 0x42A0]
         process.send_signal(END)
-        _, rest = process.communicate(timeout=20)
+        _, rest = process.communicate(timeout=100)
     assert process.returncode == 0
     assert f"fake PLC Demo at modbus+tcp://127.0.0.1:{port}?unit=1 with TIC-101, LIC-201" in said
     assert "TIC-101 computes wrongly from now on: windup" in said
@@ -53,6 +53,6 @@ def test_the_command_serves_until_told_to_end_and_ends_with_0():
     ],
 )
 def test_a_wrong_fault_is_a_usage_error_with_a_way_out(fault, said):
-    done = subprocess.run([*COMMAND, "--fault", fault], capture_output=True, text=True, timeout=30, check=False)
+    done = subprocess.run([*COMMAND, "--fault", fault], capture_output=True, text=True, timeout=100, check=False)
     assert done.returncode == 2
     assert said in done.stderr

@@ -111,7 +111,7 @@ async def test_another_implementation_is_master_of_the_node_that_the_eds_describ
         remote.rpdo[2]["TIC-101.MV"].raw = 40.0
         remote.rpdo[2]["TIC-101.I_MV"].raw = 2.5
         remote.rpdo[2].transmit()
-        async with asyncio.timeout(5):
+        async with asyncio.timeout(60):
             while came[-1][1] != "I_MV":
                 await asyncio.to_thread(remote.nmt.wait_for_heartbeat, 5)
         assert [("TIC-101", "MV", b"\0\0\x20\x42"), ("TIC-101", "I_MV", b"\0\0\x20\x40")] == came[-2:]
