@@ -6,7 +6,6 @@ Screens, pages and metrics read it and the monitor; none of them can reach the P
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -22,6 +21,9 @@ from ahgateway.lockstep.judge import Execution
 from ahgateway.transports.base import Frame
 
 EVENTS_MAX = 2000
+FRAMES_MAX = 200
+TOLD_AGAIN_NS = 60 * SECOND
+"""A loop that goes on to diverge for the same cause is an event once so often: it must not flood the log."""
 STALE_NS = 2 * SECOND
 STALE_POLLS = 3
 """A value is stale when it is older than both: two seconds, and three times what is asked between two pictures."""
@@ -48,15 +50,12 @@ class Freshness:
 class Board:
     """The state behind a screen."""
 
-    def __init__(
-        self, monitor: Monitor, clock: Clock, frames: Sequence[Frame] = (), *, capacity: int = CAPACITY
-    ) -> None:
+    def __init__(self, monitor: Monitor, clock: Clock, *, capacity: int = CAPACITY) -> None:
         """Begin empty.
 
         Args:
             monitor: Whose reports will come.
             clock: The clock of the run.
-            frames: The last frames of the link, oldest first; whoever taps the link keeps them.
             capacity: Samples kept of each loop.
         """
         self.monitor = monitor
@@ -67,7 +66,8 @@ class Board:
         self.event_count = 0
         self.cut_count = 0
         self.changes: dict[str, dict[str, tuple[int, Change]]] = {name: {} for name in self.watches}
-        self.frames = frames
+        self.frames: deque[Frame] = deque(maxlen=FRAMES_MAX)
+        self._told: dict[str, tuple[str, int]] = {}
         self._health: dict[str, tuple[int, Health | None]] = {}
         self._learners: dict[str, Learner] = {}
         self._pool = ThreadPoolExecutor(1, "process")
@@ -80,8 +80,20 @@ class Board:
             return
         if isinstance(event, Change) and report.loop in self.changes:
             self.changes[report.loop][event.operand] = (report.utc_ns, event)
-        if not isinstance(event, Execution) or event.verdict is Verdict.DIVERGED:
+        if not isinstance(event, Execution) or (event.verdict is Verdict.DIVERGED and self._is_news(report, event)):
             self._keep(report)
+
+    def _is_news(self, report: Report, event: Execution) -> bool:
+        cause = event.blame.suspects[0].cause if event.blame is not None else ""
+        told, when_ns = self._told.get(report.loop, (None, 0))
+        if cause == told and report.utc_ns - when_ns < TOLD_AGAIN_NS:
+            return False
+        self._told[report.loop] = (cause, report.utc_ns)
+        return True
+
+    def frame(self, frame: Frame) -> None:
+        """Keep a frame of the link; a tap."""
+        self.frames.append(frame)
 
     def note(self, text: str) -> Note:
         """Keep what a person wrote, with the time of now."""
@@ -96,9 +108,11 @@ class Board:
         if len(kept) < len(self.events):
             self.events = deque(kept, maxlen=EVENTS_MAX)
             self.cut_count += 1
+        self.frames = deque((frame for frame in self.frames if frame.utc_ns <= utc_ns), maxlen=FRAMES_MAX)
         for changes in self.changes.values():
             for operand in [name for name, (when, _) in changes.items() if when > utc_ns]:
                 del changes[operand]
+        self._told.clear()
         self._health.clear()
         self._learners.clear()
 

@@ -43,6 +43,7 @@ class History:
         self._board = board
         self._path = path
         self._is_replay = is_replay
+        self._known: tuple[Path, tuple[float, float]] | None = None
 
     def reach(self) -> tuple[float, float] | None:
         """Return from when to when there is something to look at, UTC in s; None before the first sample."""
@@ -50,12 +51,21 @@ class History:
         for trail in self._board.trails.trails.values():
             ends = trail.ends()
             found.extend(ends or ())
+        found.extend(self._ends() or ())
+        return (min(found), max(found)) if found else None
+
+    def _ends(self) -> tuple[float, float] | None:
+        """When the recording began and, unless it is still written, ended; looked up once for each file."""
         path = self._path()
-        if path is not None:
+        if path is None:
+            return None
+        if self._known is None or self._known[0] != path:
             with opened(path) as recording:
                 _, first, last = recording.totals()
-            found.extend(moment / SECOND for moment in (first, last) if moment is not None)
-        return (min(found), max(found)) if found else None
+            if first is None or last is None:
+                return None
+            self._known = (path, (first / SECOND, last / SECOND))
+        return self._known[1]
 
     async def stretch(self, name: str, since_s: float, until_s: float, slices: int) -> Stretch:
         """Return a loop's samples between two moments, with what stands out in each slice.

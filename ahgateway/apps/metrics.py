@@ -47,7 +47,8 @@ def _loops(board: Board) -> Iterator[Metric]:
     for name, watch in board.watches.items():
         picture, fresh = watch.follower.picture, board.freshness(watch)
         stale.add_metric([name], float(fresh.is_stale))
-        for each in watch.follower.findings:
+        # A scrape runs in a thread of its own, while the run goes on.
+        for each in tuple(watch.follower.findings):
             finding.add_metric([name, each], 1.0)
         if picture is None or fresh.age_ns is None:
             continue

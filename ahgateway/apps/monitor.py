@@ -123,6 +123,11 @@ class Monitor:
         self._down_since_ns: int | None = None
         self._reported_down = False
 
+    @property
+    def scheme(self) -> str:
+        """Scheme of the link's target; it says how its frames are read."""
+        return self.station.target.partition(":")[0]
+
     def way(self, loop: str) -> Way:
         """How the loop's executions are seen now."""
         return next(watch for watch in self.watches if watch.loop.name == loop).way(self.station)

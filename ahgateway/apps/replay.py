@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from ahgateway.apps.frame_tape import FrameTape, recorded_scheme
 from ahgateway.apps.monitor import LinkChange, Monitor, Report, Sample
 from ahgateway.apps.player import Player
 from ahgateway.apps.record import JUDGING, verdict_text, versions
@@ -32,7 +33,7 @@ from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.source import executions_told
 from ahgateway.recording.reader import Event, Recording, Row
 from ahgateway.recording.station_text import dialect_from, dialect_json
-from ahgateway.transports.base import Link
+from ahgateway.transports.base import Link, Tap
 
 
 @dataclass(frozen=True, slots=True)
@@ -224,9 +225,16 @@ class ReplayMonitor(Monitor):
         )
         self.player = player
         self.on_jump: Callable[[int], None] = lambda utc_ns: None
+        self.on_frame: Tap | None = None
+        self._frames: FrameTape | None = None
         self._replay = replay
         self._passes = [replay]
         self._take(replay)
+
+    @property
+    def scheme(self) -> str:
+        """That of the link which was recorded."""
+        return recorded_scheme(self.recording)
 
     @property
     def recording(self) -> Recording:
@@ -246,6 +254,7 @@ class ReplayMonitor(Monitor):
         end_ns = None if duration_ns is None else self._started_ns + duration_ns
         since_ns: int | None = None
         self.is_up = True
+        self._rewind(None)
         if self.player is not None:
             self.player.begin()
         while True:
@@ -254,9 +263,13 @@ class ReplayMonitor(Monitor):
                     return
                 if not await self._reaches(due_ns, stop):
                     break
+                if self._frames is not None and self.on_frame is not None:
+                    self._frames.play(due_ns, self.on_frame)
                 for report in look():
                     if isinstance(report.event, LinkChange):
                         self.is_up = report.event.is_up
+                        if self._frames is not None:
+                            self._frames.changed(report.event)
                     yield report
             if self.player is None or (stop is not None and stop.is_set()):
                 break
@@ -286,8 +299,15 @@ class ReplayMonitor(Monitor):
         self._passes = [max(self._passes, key=_found), fresh]
         self._take(fresh)
         self.is_up = True
+        self._rewind(utc_ns)
         self.on_jump(utc_ns)
         return utc_ns
+
+    def _rewind(self, since_ns: int | None) -> None:
+        """Where somebody looks at frames, begin with those of a place."""
+        if self.on_frame is not None:
+            self._frames = FrameTape(self.recording, since_ns)
+            self.link.figures = self._frames.figures
 
 
 def _found(replay: Replay) -> tuple[bool, int]:

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ahgateway.apps.board import Board
+from ahgateway.apps.board import Board, Note
 from ahgateway.apps.health import label
-from ahgateway.apps.lines import shown
-from ahgateway.apps.monitor import Watch
+from ahgateway.apps.lines import clock_time, event_line, shown
+from ahgateway.apps.monitor import Report, Watch
 from ahgateway.apps.report import hexadecimal
 from ahgateway.clock import MILLISECOND
 from ahgateway.codec.station import Const, Loop
@@ -26,6 +27,7 @@ from ahgateway.transports.tracer import line_maker
 DELTA_TERMS = ("e", "p", "i", "d", "bias", "raw", "mv")
 EDGES_MS = (0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 """Classes of round trips."""
+NO_FRAMES = "no frames: a link without wires has none, a recording only those kept with --record-frames"
 FRAME_HEAD_MAX = 63
 """Time, direction and the first 15 bytes of a frame."""
 
@@ -43,6 +45,7 @@ class LoopRow:
         is_stale: The values are old: they must not look live.
         health: The worst figure of its health in a few words.
         notes: What a person should look at.
+        needs_a_look: It diverged, swings or has notes, is stale, or nothing of it was proven yet.
     """
 
     name: str
@@ -56,11 +59,19 @@ class LoopRow:
     is_stale: bool
     health: str
     notes: str
+    needs_a_look: bool
+
+    @property
+    def coverage(self) -> str:
+        """Share of the executions that is proven, never more than it is: 100% is every one."""
+        return f"{math.floor(100.0 * self.counts.coverage)}%"
 
 
 def loop_row(board: Board, watch: Watch) -> LoopRow:
     """Return a loop as it stands."""
     loop, picture, fresh = watch.loop, watch.follower.picture, board.freshness(watch)
+    counts, figures = watch.follower.summary(), board.known_health(loop.name)
+    notes = watch.refused or ", ".join(watch.follower.findings)
     values, mode = ("-", "-", "-"), "-"
     if picture is not None and fresh.age_ns is not None:
         sv, pv, mv = target_of(loop, picture), process_value_of(loop, picture), output_of(loop, picture)
@@ -70,14 +81,21 @@ def loop_row(board: Board, watch: Watch) -> LoopRow:
         loop.name,
         loop.controller.name,
         board.word(watch),
-        watch.follower.summary(),
+        counts,
         values,
         mode,
         watch.way(board.monitor.station).value,
         fresh.age_ns,
         fresh.is_stale,
-        label(board.known_health(loop.name)),
-        watch.refused or ", ".join(watch.follower.findings),
+        label(figures),
+        notes,
+        bool(
+            counts.diverged
+            or not counts.proven
+            or fresh.is_stale
+            or notes
+            or (figures is not None and figures.oscillates)
+        ),
     )
 
 
@@ -211,6 +229,13 @@ def unit(loop: Loop, operand: Operand) -> str:
     return {"PV": loop.pv_unit, "MV": loop.mv_unit}.get(operand.unit, operand.unit)
 
 
+def log_line(event: Report | Note) -> str | None:
+    """Return what happened, or what somebody wrote, as a line; None for what a log leaves out."""
+    if isinstance(event, Note):
+        return f"{clock_time(event.utc_ns)} note: {event.text}"
+    return event_line(event)
+
+
 def round_trip_classes(round_trips_ns: Iterable[int]) -> list[tuple[float, float | None, int]]:
     """Return (from ms, below ms or None, count) of each class that holds something or lies between such."""
     counts = [0] * (len(EDGES_MS) + 1)
@@ -231,7 +256,7 @@ def frame_lines(board: Board, count: int) -> list[str]:
     while frames and frames[0].direction == "<":
         del frames[0]
     station = board.monitor.station
-    line = line_maker(station.target.partition(":")[0], station.can, station.devices)
+    line = line_maker(board.monitor.scheme, station.can, station.devices)
     return [_shortened(line(frame)) for frame in frames]
 
 

@@ -63,8 +63,9 @@ class Trail:
     """A ring of one loop's samples, with so many lanes beside its columns."""
 
     def __init__(self, capacity: int = CAPACITY, lanes: int = 0) -> None:
-        self._times = np.zeros(capacity)
-        self._values = np.zeros((capacity, len(COLUMNS) + lanes), np.float32)
+        # Filled, not zeros: the memory is taken now, and does not grow hour by hour until the ring is full.
+        self._times = np.full(capacity, np.nan)
+        self._values = np.full((capacity, len(COLUMNS) + lanes), np.nan, np.float32)
         self._next = 0
         self._count = 0
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections import deque
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -23,9 +22,7 @@ if TYPE_CHECKING:
     from ahgateway.apps.monitor import Monitor
     from ahgateway.apps.player import Player
     from ahgateway.codec.station import Station
-    from ahgateway.transports.base import Frame, Tap
-
-FRAMES_MAX = 200
+    from ahgateway.transports.base import Tap
 
 
 def monitor(
@@ -115,10 +112,11 @@ async def _monitor(
     from ahgateway.clock import SECOND
 
     duration_ns = None if duration_s is None else round(duration_s * SECOND)
-    has_screen = output is Output.TEXT and not plain and sys.stdout.isatty() and sys.stdin.isatty()
+    # The screen is drawn on stderr: redirected into a file it would not be seen, nor could it be left.
+    has_terminal = all(each.isatty() for each in (sys.stdin, sys.stdout, sys.stderr))
+    has_screen = output is Output.TEXT and not plain and has_terminal
     is_shown = has_screen or page.is_on
-    frames: deque[Frame] = deque(maxlen=FRAMES_MAX)
-    taps = Taps([each for each in (tap, frames.append if is_shown else None) if each is not None])
+    taps = Taps([tap] if tap is not None else [])
     async with (
         followed(station, taps if is_shown or tape.frames or tap else None, plays=is_shown and tape.path is None) as (
             watched,
@@ -126,7 +124,9 @@ async def _monitor(
         ),
         contextlib.AsyncExitStack() as stack,
     ):
-        board = Board(watched, clock, frames) if is_shown or metrics is not None else None
+        board = Board(watched, clock) if is_shown or metrics is not None else None
+        if board is not None:
+            taps.more(board.frame)
         stop = stack.enter_context(stop_event())
         view = stack.enter_context(
             View(watched, clock, output, coverage_min, station.name, is_table=False, has_screen=has_screen)
@@ -164,7 +164,7 @@ def _played(watched: Monitor, board: Board | None) -> Player | None:
     if not isinstance(watched, ReplayMonitor):
         return None
     if board is not None:
-        watched.on_jump = board.cut
+        watched.on_jump, watched.on_frame = board.cut, board.frame
     return watched.player
 
 

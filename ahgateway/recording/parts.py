@@ -97,10 +97,10 @@ class Parts(Recording):
     def notes(self) -> list[tuple[int, str]]:
         return [*super().notes(), *(note for part in self.rest for note in part.notes())]
 
-    def frames(self) -> Iterator[tuple[int, int, str, bytes]]:
-        yield from super().frames()
+    def frames(self, since_ns: int | None = None) -> Iterator[tuple[int, int, str, bytes]]:
+        yield from super().frames(since_ns)
         for part in self.rest:
-            yield from part.frames()
+            yield from part.frames(since_ns)
 
     def check(self) -> Damage:
         found = [super().check(), *(part.check() for part in self.rest)]

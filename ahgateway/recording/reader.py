@@ -211,9 +211,16 @@ class Recording:
         """Return (utc_ns, text) of every note."""
         return list(self._rows("SELECT utc_ns, text FROM notes ORDER BY id"))
 
-    def frames(self) -> Iterator[tuple[int, int, str, bytes]]:
-        """Yield (now_ns, utc_ns, `>` or `<`, bytes) of every frame that was kept."""
-        for (blob,) in self._each("SELECT frames FROM seconds ORDER BY id"):
+    def frames(self, since_ns: int | None = None) -> Iterator[tuple[int, int, str, bytes]]:
+        """Yield (now_ns, utc_ns, `>` or `<`, bytes) of every frame that was kept.
+
+        Args:
+            since_ns: UTC; those before the first second whose rows reach it are not read.
+        """
+        first, moments = "", []
+        if since_ns is not None:
+            first, moments = " WHERE id >= (SELECT MIN(id) FROM seconds WHERE last_utc_ns >= ?)", [since_ns]
+        for (blob,) in self._each(f"SELECT frames FROM seconds{first} ORDER BY id", *moments):
             yield from unpack_frames(blob)
 
     def check(self) -> Damage:

@@ -42,6 +42,8 @@ class Frame:
 
 Tap = Callable[[Frame], None]
 
+ROUND_TRIPS_KEPT_MAX = 4096
+
 
 @dataclass(slots=True)
 class LinkFigures:
@@ -64,6 +66,16 @@ class LinkFigures:
     first_cause: str = ""
     round_trips_ns: list[int] = field(default_factory=list)
     cycles: CycleFigures | None = None
+
+    def answered(self, took_ns: int) -> None:
+        """Count a reply that came after so long."""
+        self.replies += 1
+        self.round_trip_last_ns = took_ns
+        self.round_trip_total_ns += took_ns
+        self.round_trip_worst_ns = max(self.round_trip_worst_ns, took_ns)
+        self.round_trips_ns.append(took_ns)
+        if len(self.round_trips_ns) > ROUND_TRIPS_KEPT_MAX:
+            del self.round_trips_ns[: ROUND_TRIPS_KEPT_MAX // 2]
 
 
 class Link(Protocol):

@@ -7,7 +7,6 @@ from ahgateway.codec.access import Request
 from ahgateway.codec.station import Pacing
 from ahgateway.errors import LinkError, PlcRefusedError, ReplyTimeoutError
 from ahgateway.transports.base import Device, Frame, LinkFigures, Reply, Tap
-from ahgateway.transports.engine import ROUND_TRIPS_KEPT_MAX
 from ahgateway.transports.framing import Mbap
 from ahgateway.transports.pdu import decode_reply, describe, encode_request, reply_shape
 from ahgateway.transports.responder import answer_pdu
@@ -80,7 +79,7 @@ class MemoryLink:
             figures.refused += 1
             raise
         now_ns = clock.now_ns()
-        self._note(now_ns - sent_ns)
+        self.figures.answered(now_ns - sent_ns)
         return Reply(request, values, sent_ns, now_ns, now_ns, self._opened_ns)
 
     async def close(self) -> None:
@@ -91,13 +90,3 @@ class MemoryLink:
         if self._tap is not None:
             frame = self._wrap(self._tag, unit, pdu)
             self._tap(Frame(direction, frame, self._clock.now_ns(), self._clock.utc_ns()))
-
-    def _note(self, took_ns: int) -> None:
-        figures = self.figures
-        figures.replies += 1
-        figures.round_trip_last_ns = took_ns
-        figures.round_trip_total_ns += took_ns
-        figures.round_trip_worst_ns = max(figures.round_trip_worst_ns, took_ns)
-        figures.round_trips_ns.append(took_ns)
-        if len(figures.round_trips_ns) > ROUND_TRIPS_KEPT_MAX:
-            del figures.round_trips_ns[: ROUND_TRIPS_KEPT_MAX // 2]

@@ -22,7 +22,8 @@ class Tracer:
     """Decodes the frames of one link; replies are read with the request that they answer.
 
     Args:
-        framing: Makes a framing like the link's, for requests and for replies each their own.
+        asked: Makes a framing like the link's for requests.
+        answered: The same for replies; as for requests unless given.
     """
 
     def __init__(self, asked: Callable[[], Framing], answered: Callable[[], Framing] | None = None) -> None:
@@ -86,15 +87,20 @@ def line_maker(scheme: str, can: CanMap | None = None, devices: DeviceMap | None
     """
     if scheme == "canopen":
         return lambda frame: _can_line(frame, can, devices)
+    return Tracer(*framings(scheme)).line
+
+
+def framings(scheme: str) -> tuple[Callable[[], Framing], Callable[[], Framing]]:
+    """Return what makes the framing of requests, and of replies, on a Modbus target of this scheme."""
     if scheme.startswith("modbus+rtu"):
         from ahgateway.transports.rtu import RtuReplies, RtuRequests
 
-        return Tracer(RtuRequests, RtuReplies).line
+        return RtuRequests, RtuReplies
     if scheme.startswith("modbus+ascii"):
         from ahgateway.transports.ascii import AsciiReplies, AsciiRequests
 
-        return Tracer(AsciiRequests, AsciiReplies).line
-    return Tracer(Mbap).line
+        return AsciiRequests, AsciiReplies
+    return Mbap, Mbap
 
 
 def _can_line(frame: Frame, can: CanMap | None, devices: DeviceMap | None) -> str:

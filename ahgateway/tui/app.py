@@ -24,6 +24,7 @@ from ahgateway.apps.lanes import lanes_of
 from ahgateway.apps.lines import clock_time
 from ahgateway.apps.moments import moment_ns
 from ahgateway.apps.player import Player
+from ahgateway.apps.rows import loop_row
 from ahgateway.apps.signs import is_legacy
 from ahgateway.clock import SECOND
 from ahgateway.errors import ProfileError, StateError
@@ -41,6 +42,8 @@ from ahgateway.tui.trend import SPANS_S, Trend
 REDRAWS_PER_SECOND = 8
 PLAYING = frozenset({"pause", "skip", "speed", "go"})
 """Actions that only a recording has."""
+ONLY_ON = {"trouble": "loops", "turn": "loop", "span": "loop", "plain": "loop"}
+"""Actions that only one page has."""
 BREAKPOINTS = ((0, "-narrow"), (132, "-wide"))
 """From so many columns on, the loop page stands in two columns."""
 
@@ -69,14 +72,9 @@ class MonitorApp(App[None]):
         Binding("2", "page('loop')", "loop", show=False),
         Binding("3", "page('link')", "link", show=False),
         Binding("4", "page('log')", "log", show=False),
-        Binding("left_square_bracket", "turn(-1)", "previous", key_display="["),
-        Binding("right_square_bracket", "turn(1)", "next", key_display="]"),
-        Binding("plus,equals_sign", "span(1)", "longer", key_display="+"),
-        Binding("minus", "span(-1)", "shorter", key_display="-"),
-        Binding("slash", "filter", "filter", key_display="/"),
+        Binding("q,ctrl+c", "quit", "quit", key_display="q"),
         Binding("n", "note", "note"),
         Binding("m", "mark", "marker"),
-        Binding("a", "plain", "ASCII"),
         Binding("space", "pause", "pause", priority=True),
         Binding("left", "skip(-10)", "10 s back", key_display="←", priority=True),
         Binding("right", "skip(10)", "on", key_display="→", priority=True),
@@ -85,7 +83,21 @@ class MonitorApp(App[None]):
         Binding("less_than_sign,comma", "speed(-1)", "slower", key_display="<"),
         Binding("greater_than_sign,full_stop", "speed(1)", "faster", key_display=">"),
         Binding("g", "go", "go to"),
-        Binding("q,ctrl+c", "quit", "quit", key_display="q"),
+        Binding("t", "trouble", "only what needs a look"),
+        Binding("slash", "filter", "filter", key_display="/"),
+        Binding("left_square_bracket", "turn(-1)", "previous", key_display="["),
+        Binding("right_square_bracket", "turn(1)", "next", key_display="]"),
+        Binding("plus,equals_sign", "span(1)", "longer", key_display="+"),
+        Binding("minus", "span(-1)", "shorter", key_display="-"),
+        Binding("a", "plain", "ASCII"),
+        Binding("up", "scroll(0, -1)", show=False),
+        Binding("down", "scroll(0, 1)", show=False),
+        Binding("pageup", "scroll(0, -10)", show=False),
+        Binding("pagedown", "scroll(0, 10)", show=False),
+        Binding("home", "scroll(0, -100000)", show=False),
+        Binding("end", "scroll(0, 100000)", show=False),
+        Binding("left", "scroll(-10, 0)", show=False),
+        Binding("right", "scroll(10, 0)", show=False),
     ]
 
     def __init__(
@@ -122,6 +134,7 @@ class MonitorApp(App[None]):
         self._chosen = self._names[0]
         self._span = 0
         self._marks = 0
+        self._keys_of = "loops"
         self.redraws = 0
 
     def compose(self) -> ComposeResult:
@@ -202,15 +215,15 @@ class MonitorApp(App[None]):
     def _loop_page(self) -> None:
         board, name = self._board, self._chosen
         watch = board.watches[name]
-        word = board.word(watch)
-        counts = watch.follower.summary()
+        row = loop_row(board, watch)
+        word, counts = row.word, row.counts
         fresh = board.freshness(watch)
         age = "no picture" if fresh.age_ns is None else f"{fresh.age_ns / SECOND:.1f} s old"
         head = (
             (name, "bold"),
             (f"  {watch.loop.controller.name}  ", ""),
             (word, STYLE.get(word, "")),
-            (f"  proven {counts.proven} of {counts.total} ({counts.coverage:.0%})  diverged {counts.diverged}", ""),
+            (f"  proven {counts.proven} of {counts.total} ({row.coverage})  diverged {counts.diverged}", ""),
             (f"  {age}", ""),
         )
         self._base.query_one("#loop-head", LinesPanel).put([head])
@@ -218,7 +231,8 @@ class MonitorApp(App[None]):
         span_s = SPANS_S[self._span]
         trace = board.trails.trails[name].trace(until_s - span_s)
         units = (watch.loop.pv_unit, watch.loop.mv_unit)
-        self._base.query_one(Trend).show(trace, until_s, span_s, units, lanes_of(watch.loop))
+        trend = self._base.query_one(Trend)
+        trend.show(trace, until_s, span_s, units, lanes_of(watch.loop), is_stale=fresh.is_stale)
         terms, operands, figures = (
             self._base.query_one(f"#{id}", LinesPanel) for id in ("terms", "operands", "health")
         )
@@ -252,6 +266,19 @@ class MonitorApp(App[None]):
         trend.is_plain = not trend.is_plain
         self.redraw()
 
+    def action_scroll(self, x: int, y: int) -> None:
+        """Move what is longer or wider than the page; the loops move themselves."""
+        is_narrow = self._base.has_class("-narrow")
+        moved = {"loop": "#loop-body" if is_narrow else "#operands", "link": "#link-lines", "log": "#log-lines"}
+        if self.page in moved:
+            self._base.query_one(moved[self.page]).scroll_relative(x, y, animate=False)
+
+    def action_trouble(self) -> None:
+        """Show only the loops that need a look, or all of them again."""
+        table = self._base.query_one(LoopsTable)
+        table.is_filtered = not table.is_filtered
+        table.show()
+
     def action_filter(self) -> None:
         """Go to the log's filter."""
         self.action_page("log")
@@ -267,7 +294,9 @@ class MonitorApp(App[None]):
         self.push_screen(NoteBox("note, Enter keeps it"), lambda text: self._keep(text) if text else None)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Keys of the player are there with a player only, and never while somebody writes."""
+        """Keys of a page are there on that page; those of the player with one only, never while somebody writes."""
+        if action in ONLY_ON:
+            return self._keys_of == ONLY_ON[action]
         if action not in PLAYING:
             return True
         return self._player is not None and not isinstance(self.focused, Input)
@@ -317,7 +346,10 @@ class MonitorApp(App[None]):
         self.action_page("loop")
 
     def on_tabbed_content_tab_activated(self, _: TabbedContent.TabActivated) -> None:
-        """A tab clicked is drawn as soon as it has its size."""
+        """A tab clicked is drawn as soon as it has its size, and its keys are shown."""
+        if self._keys_of != self.page:
+            self._keys_of = self.page
+            self.refresh_bindings()
         self.call_after_refresh(self.redraw)
 
     def on_input_submitted(self, _: Input.Submitted) -> None:

@@ -7,14 +7,15 @@ from textual.containers import Vertical
 from textual.widgets import Input, RichLog
 
 from ahgateway.apps.board import Board, Note
-from ahgateway.apps.lines import clock_time, event_line
 from ahgateway.apps.monitor import Report
+from ahgateway.apps.rows import log_line
 
 
 class EventLog(Vertical):
     """Filter above, lines below."""
 
-    DEFAULT_CSS = "EventLog Input { height: 3; } EventLog RichLog { height: 1fr; }"
+    # The place of the scroll bar is kept free: a line is wrapped once, for the room that stays.
+    DEFAULT_CSS = "EventLog Input { height: 3; } EventLog RichLog { height: 1fr; scrollbar-gutter: stable; }"
 
     def __init__(self, board: Board, *, id: str | None = None) -> None:
         super().__init__(id=id)
@@ -39,6 +40,10 @@ class EventLog(Vertical):
         self._shown = self._board.event_count
         self._write(list(self._board.events)[-new:])
 
+    def on_resize(self) -> None:
+        """Wrap again for another width."""
+        self._again()
+
     def on_input_changed(self, _: Input.Changed) -> None:
         """Begin again with what the filter lets through."""
         self._again()
@@ -52,16 +57,9 @@ class EventLog(Vertical):
         wanted = self.query_one(Input).value
         log = self.query_one(RichLog)
         for event in events:
-            line = line_of(event)
+            line = log_line(event)
             if line is not None and lets_through(wanted, line):
                 log.write(line)
-
-
-def line_of(event: Report | Note) -> str | None:
-    """One event as a line."""
-    if isinstance(event, Note):
-        return f"{clock_time(event.utc_ns)} note: {event.text}"
-    return event_line(event)
 
 
 def lets_through(wanted: str, line: str) -> bool:

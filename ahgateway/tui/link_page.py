@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ahgateway.apps.board import Board
-from ahgateway.apps.rows import frame_lines, round_trip_classes
+from ahgateway.apps.rows import NO_FRAMES, frame_lines, round_trip_classes
 from ahgateway.clock import MILLISECOND
 from ahgateway.transports.base import LinkFigures
 
@@ -26,9 +26,8 @@ def link_lines(board: Board, width: int) -> list[str]:
         "",
         *round_trip_lines(figures, width),
     ]
-    if board.frames:
-        lines += ["", "last frames, > out, < in", *frame_lines(board, FRAMES_SHOWN)]
-    return lines
+    frames = frame_lines(board, FRAMES_SHOWN)
+    return [*lines, "", *(["last frames, > out, < in", *frames] if frames else [NO_FRAMES])]
 
 
 def round_trip_lines(figures: LinkFigures, width: int) -> list[str]:

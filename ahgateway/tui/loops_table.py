@@ -11,13 +11,13 @@ from textual.containers import Vertical
 from textual.message import Message
 
 from ahgateway.apps.board import Board
-from ahgateway.apps.monitor import Watch
-from ahgateway.apps.rows import loop_row
+from ahgateway.apps.rows import LoopRow, loop_row
 from ahgateway.clock import SECOND
-from ahgateway.tui.lines_panel import Line, LinesPanel, columns
+from ahgateway.tui.lines_panel import Line, LinesPanel, columns, plain
 
-COLUMNS = ("loop", "verdict", "proven", "of", "diverged", "SV", "PV", "MV", "mode", "way", "age", "health", "findings")
-RIGHT = frozenset({2, 3, 4, 5, 6, 7, 10})
+COLUMNS = ("loop", "verdict", "proven", "diverged", "age", "SV", "PV", "MV", "mode", "health", "way", "findings")
+"""What matters most stands at the left: a terminal of 80 columns shows it up to MV."""
+RIGHT = frozenset({2, 3, 4, 5, 6, 7})
 STYLE = {
     "MATCH": "green",
     "DIVERGED": "bold red",
@@ -39,38 +39,48 @@ class Rows(LinesPanel):
         Binding("pagedown", "move(20)", show=False),
         Binding("home", "move(-1000000)", show=False),
         Binding("end", "move(1000000)", show=False),
+        Binding("left", "scroll_left", show=False),
+        Binding("right", "scroll_right", show=False),
         Binding("enter", "choose", show=False),
     ]
 
     class Chosen(Message):
-        """Enter or a click: the number of the line, from 0."""
+        """Enter or a click: the name of the loop; "" when only the pointer moved."""
 
-        def __init__(self, index: int) -> None:
+        def __init__(self, name: str) -> None:
             super().__init__()
-            self.index = index
+            self.name = name
 
-    def __init__(self, count: int) -> None:
+    def __init__(self, names: list[str]) -> None:
         super().__init__()
+        self._names = names
         self.index = 0
-        self._count = count
+
+    def name_lines(self, names: list[str]) -> None:
+        """Say which loop each line is; the pointer stays on its loop, or on its place when that is gone."""
+        if names != self._names:
+            chosen = self._names[self.index] if self._names else ""
+            self.index = names.index(chosen) if chosen in names else max(0, min(self.index, len(names) - 1))
+            self._names = names
 
     def action_move(self, step: int) -> None:
         """Choose another line and keep it in sight."""
-        self.index = min(max(self.index + step, 0), self._count - 1)
+        self.index = max(0, min(self.index + step, len(self._names) - 1))
         height = max(1, self.scrollable_content_region.height)
         top = self.scroll_offset.y
         if not top <= self.index < top + height:
             self.scroll_to(y=self.index if self.index < top else self.index - height + 1, animate=False)
-        self.post_message(Rows.Chosen(-1))
+        self.post_message(Rows.Chosen(""))
 
     def action_choose(self) -> None:
         """Open the chosen line."""
-        self.post_message(Rows.Chosen(self.index))
+        if self._names:
+            self.post_message(Rows.Chosen(self._names[self.index]))
 
     def on_click(self, event: events.Click) -> None:
         """Choose a line and open it."""
         index = event.y + self.scroll_offset.y
-        if 0 <= index < self._count:
+        if 0 <= index < len(self._names):
             self.index = index
             self.action_choose()
 
@@ -90,21 +100,32 @@ class LoopsTable(Vertical):
     def __init__(self, board: Board) -> None:
         super().__init__()
         self._board = board
-        self._names = list(board.watches)
+        self.is_filtered = False
 
     def compose(self) -> ComposeResult:
         """A head that stays, lines that scroll."""
         yield LinesPanel(id="loops-head")
-        yield Rows(len(self._names))
+        yield Rows(list(self._board.watches))
+
+    def on_mount(self) -> None:
+        """The head goes along when the lines are moved sideways."""
+        self.watch(self.query_one(Rows), "scroll_x", self._sideways, init=False)
+
+    def _sideways(self, scroll_x: float) -> None:
+        self.query_one("#loops-head", LinesPanel).scroll_to(x=scroll_x, animate=False, force=True)
 
     def show(self) -> None:
         """Bring every line up to date."""
         rows = self.query_one(Rows)
         head: tuple[tuple[str, str], ...] = tuple((each, "bold underline") for each in COLUMNS)
-        lines = columns([head, *(self._row(watch) for watch in self._board.watches.values())], RIGHT)
+        found = [loop_row(self._board, watch) for watch in self._board.watches.values()]
+        if self.is_filtered:
+            found = [row for row in found if row.needs_a_look]
+        rows.name_lines([row.name for row in found])
+        lines = columns([head, *(_cells(row) for row in found)], RIGHT)
         marked = [_pointed(line, is_chosen=index == rows.index) for index, line in enumerate(lines[1:])]
         self.query_one("#loops-head", LinesPanel).put([_pointed(lines[0], is_chosen=False)])
-        rows.put(marked)
+        rows.put(marked or [plain("no loop needs a look")])
 
     def take_focus(self) -> None:
         """Give the keys to the lines."""
@@ -112,29 +133,28 @@ class LoopsTable(Vertical):
 
     def on_rows_chosen(self, event: Rows.Chosen) -> None:
         """Draw the pointer where it is now, or open the loop."""
-        if event.index < 0:
-            self.show()
+        if event.name:
+            self.post_message(LoopsTable.Opened(event.name))
         else:
-            self.post_message(LoopsTable.Opened(self._names[event.index]))
+            self.show()
 
-    def _row(self, watch: Watch) -> tuple[tuple[str, str], ...]:
-        row = loop_row(self._board, watch)
-        counts = row.counts
-        values = [f"({value})" if row.is_stale else value for value in row.values]
-        dim = "dim" if row.is_stale else ""
-        return (
-            (row.name, "bold"),
-            (row.word, STYLE.get(row.word, "")),
-            (f"{counts.proven} {counts.coverage:.0%}", ""),
-            (str(counts.total), ""),
-            (str(counts.diverged), "bold red" if counts.diverged else ""),
-            *((value, dim) for value in values),
-            (row.mode, dim),
-            (row.way, dim),
-            ("-" if row.age_ns is None else f"{row.age_ns / SECOND:.1f} s", dim),
-            (row.health, ""),
-            (row.notes, ""),
-        )
+
+def _cells(row: LoopRow) -> tuple[tuple[str, str], ...]:
+    counts = row.counts
+    *values, mode = [f"({text})" if row.is_stale and text != "-" else text for text in (*row.values, row.mode)]
+    dim = "dim" if row.is_stale else ""
+    return (
+        (row.name, "bold"),
+        (row.word, STYLE.get(row.word, "")),
+        (f"{row.coverage} of {counts.total}", ""),
+        (str(counts.diverged), "bold red" if counts.diverged else ""),
+        ("-" if row.age_ns is None else f"{row.age_ns / SECOND:.1f} s", dim),
+        *((value, dim) for value in values),
+        (mode, dim),
+        (row.health, dim),
+        (row.way, dim),
+        (row.notes, ""),
+    )
 
 
 def _pointed(line: Line, *, is_chosen: bool) -> Line:

@@ -40,38 +40,62 @@ class Trend(LinesPanel):
         self.is_plain = False
 
     def show(
-        self, trace: Trace, until_s: float, span_s: int, units: tuple[str, str], lanes: tuple[Lane, ...] = ()
+        self,
+        trace: Trace,
+        until_s: float,
+        span_s: int,
+        units: tuple[str, str],
+        lanes: tuple[Lane, ...] = (),
+        *,
+        is_stale: bool = False,
     ) -> None:
-        """Show a trace of `span_s` seconds up to `until_s`, both UTC; units are those of PV and MV."""
+        """Show a trace of `span_s` seconds up to `until_s`, both UTC; units are those of PV and MV.
+
+        The newest values stand in parentheses when they are stale.
+        """
         width, height = self.size.width - AXIS, self.size.height
         if width < 10 or height < 9:
             self.put([plain("no room for a trend")])
             return
         times = (until_s - span_s, until_s)
-        strips = strip_lines(trace, times, lanes, width, is_plain=self.is_plain)[: max(1, height - 8)]
-        curves = trend_lines(trace, times, units, width, height - len(strips), is_plain=self.is_plain)
+        how = {"is_plain": self.is_plain, "is_stale": is_stale}
+        strips = strip_lines(trace, times, lanes, width, **how)[: max(1, height - 8)]
+        curves = trend_lines(trace, times, units, width, height - len(strips), **how)
         # The strips stand above the line with the times.
         self.put([*curves[:-1], *strips, curves[-1]])
 
 
 def trend_lines(
-    trace: Trace, times: tuple[float, float], units: tuple[str, str], width: int, height: int, *, is_plain: bool
+    trace: Trace,
+    times: tuple[float, float],
+    units: tuple[str, str],
+    width: int,
+    height: int,
+    *,
+    is_plain: bool,
+    is_stale: bool = False,
 ) -> list[Line]:
     """Return a trend as `height` lines; the curves have `width` columns behind the scale."""
     upper = (height - 3) * 3 // 5
     lower = height - 3 - upper
     first, last = (clock_time(round(moment * SECOND)).partition(".")[0] for moment in times)
     return [
-        _title("PV", trace.pv, "SV", trace.sv, units[0], is_plain=is_plain),
+        _title("PV", trace.pv, "SV", trace.sv, units[0], is_plain=is_plain, is_stale=is_stale),
         *_panel(trace.t_s, trace.pv, trace.sv, times, width, upper, is_plain=is_plain),
-        _title("MV", trace.mv, "reference MV", trace.ref_mv, units[1], is_plain=is_plain),
+        _title("MV", trace.mv, "reference MV", trace.ref_mv, units[1], is_plain=is_plain, is_stale=is_stale),
         *_panel(trace.t_s, trace.mv, trace.ref_mv, times, width, lower, is_plain=is_plain),
         plain(" " * AXIS + first + f"{last + 'Z':>{max(1, width - len(first))}}"),
     ]
 
 
 def strip_lines(
-    trace: Trace, times: tuple[float, float], lanes: tuple[Lane, ...], width: int, *, is_plain: bool
+    trace: Trace,
+    times: tuple[float, float],
+    lanes: tuple[Lane, ...],
+    width: int,
+    *,
+    is_plain: bool,
+    is_stale: bool = False,
 ) -> list[Line]:
     """Return the verdicts, and what drives the actuator, as a line each: signs, told apart without colour."""
     _, worst = per_column(trace.t_s, trace.mark, times, width)
@@ -86,7 +110,7 @@ def strip_lines(
             filled = (lowest + highest) / 2.0
             low, high = 0.0, 1.0
         else:
-            name, steps = f"{lane.name} {_last(values)}", DIGITS if is_plain else BLOCKS
+            name, steps = f"{lane.name} {_last(values, is_stale=is_stale)}", DIGITS if is_plain else BLOCKS
             filled = np.where(np.abs(lowest) > np.abs(highest), lowest, highest)
             low, high = value_range(lowest, highest)
         text = "".join(_step(value, low, high, steps) for value in filled.tolist())
@@ -123,13 +147,13 @@ def _joined(signs: list[tuple[str, str]]) -> Line:
     return tuple(("".join(sign for sign, _ in run), style) for style, run in groupby(signs, key=lambda each: each[1]))
 
 
-def _title(line: str, y: Array, mark: str, under: Array, unit: str, *, is_plain: bool) -> Line:
+def _title(line: str, y: Array, mark: str, under: Array, unit: str, *, is_plain: bool, is_stale: bool) -> Line:
     signs = ("*", "-") if is_plain else ("⣀⠤⠒", "╌╌╌")
     return (
         (" " * AXIS, ""),
-        (f"{signs[0]} {line} {_last(y)}", LINE),
+        (f"{signs[0]} {line} {_last(y, is_stale=is_stale)}", LINE),
         ("   ", ""),
-        (f"{signs[1]} {mark} {_last(under)}", MARK),
+        (f"{signs[1]} {mark} {_last(under, is_stale=is_stale)}", MARK),
         (f"   {unit}", ""),
     )
 
@@ -159,6 +183,9 @@ def shown_short(value: float) -> str:
     return f"{value:.5g}"
 
 
-def _last(y: Array) -> str:
-    """The newest value, or a dash when it is not known."""
-    return shown(np.float32(y[-1])) if y.size and np.isfinite(y[-1]) else "-"
+def _last(y: Array, *, is_stale: bool) -> str:
+    """The newest value, in parentheses when it is stale, or a dash when it is not known."""
+    if not y.size or not np.isfinite(y[-1]):
+        return "-"
+    text = shown(np.float32(y[-1]))
+    return f"({text})" if is_stale else text

@@ -11,15 +11,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ahgateway.apps.board import Board, Note
+from ahgateway.apps.board import Board
 from ahgateway.apps.health import Health
 from ahgateway.apps.history import History
 from ahgateway.apps.lanes import lanes_of
-from ahgateway.apps.lines import actuator_text, clock_time, event_line, shown
+from ahgateway.apps.lines import actuator_text, clock_time, shown
 from ahgateway.apps.marks import TEXTS, Mark
-from ahgateway.apps.monitor import Report, Watch
+from ahgateway.apps.monitor import Watch
 from ahgateway.apps.player import Player
-from ahgateway.apps.rows import LoopRow, loop_row, operand_rows, round_trip_classes, term_rows
+from ahgateway.apps.rows import NO_FRAMES, LoopRow, log_line, loop_row, operand_rows, round_trip_classes, term_rows
 from ahgateway.apps.stretch import CURVES, Stretch, runs
 from ahgateway.clock import MILLISECOND, SECOND
 from ahgateway.core import flags
@@ -67,6 +67,7 @@ def _row(row: LoopRow, watch: Watch) -> Json:
         "stale": row.is_stale,
         "health": row.health,
         "notes": row.notes,
+        "look": row.needs_a_look,
     }
 
 
@@ -187,7 +188,7 @@ def link_json(board: Board, frames: list[str]) -> Json:
         "mean_ms": None if mean_ns is None else mean_ns / MILLISECOND,
         "worst_ms": figures.round_trip_worst_ns / MILLISECOND,
         "classes": round_trip_classes(figures.round_trips_ns),
-        "frames": frames,
+        "frames": frames or [NO_FRAMES],
     }
 
 
@@ -195,13 +196,7 @@ def log_json(board: Board, after: int) -> Json:
     """Return what happened since so many events, newest last."""
     kept = list(board.events)
     new = kept[-max(0, board.event_count - after) :] if board.event_count > after else []
-    return {"count": board.event_count, "cuts": board.cut_count, "lines": [line for line in map(_event, new) if line]}
-
-
-def _event(event: Report | Note) -> str | None:
-    if isinstance(event, Note):
-        return f"{clock_time(event.utc_ns)} note: {event.text}"
-    return event_line(event)
+    return {"count": board.event_count, "cuts": board.cut_count, "lines": [line for line in map(log_line, new) if line]}
 
 
 def legend() -> list[tuple[int, str]]:

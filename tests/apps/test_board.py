@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from concurrent.futures import Executor, Future
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from ahgateway.apps.board import EVENTS_MAX, Board
 from ahgateway.apps.monitor import LinkChange, Report
 from ahgateway.apps.trail import Trail
 from ahgateway.clock import SECOND
+from ahgateway.lockstep.judge import Execution
 
 NAN = float("nan")
 UTC_START_S = 1_767_225_600
@@ -102,6 +104,22 @@ def test_events_are_bounded_and_counted():
     assert EVENTS_MAX == len(world.board.events)
     assert EVENTS_MAX + 10 == world.board.event_count
     assert "10" == world.board.events[0].text
+
+
+async def test_a_loop_that_goes_on_to_diverge_does_not_flood_the_log(world):
+    world.plc.fail("TIC-101", "gain-1-percent")
+    world.plc.write("TIC-101", "SV", 84.0)
+    await world.run(3.0)
+
+    def told() -> list[Report]:
+        return [each for each in world.board.events if isinstance(each, Report) and isinstance(each.event, Execution)]
+
+    causes = [each.event.blame.suspects[0].cause for each in told()]
+    assert all(one != another for one, another in pairwise(causes))
+    last, count = told()[-1], len(told())
+    for after_s in (1, 59, 60, 119, 120):
+        world.board.take(dataclasses.replace(last, utc_ns=last.utc_ns + after_s * SECOND))
+    assert [60, 120] == [(each.utc_ns - last.utc_ns) // SECOND for each in told()[count:]]
 
 
 async def test_health_is_worked_out_one_loop_at_a_time_and_not_before_five_seconds(world):

@@ -13,19 +13,23 @@ from ahgateway.apps.record import Tape
 from ahgateway.apps.stretch import runs
 from ahgateway.clock import SECOND
 from ahgateway.recording.parts import opened
+from ahgateway.transports.base import Frame
 
 pytestmark = pytest.mark.slow
 START_S = 1_767_225_600.0
 
 
 class Recorded(ScreenWorld):
-    """The demo's loops, followed, shown and recorded."""
+    """The demo's loops, followed, shown and recorded, with every frame of the link."""
 
     def __init__(self, path) -> None:
-        super().__init__(warm_up_s=20)
+        super().__init__(warm_up_s=20, tap=self._frame)
         self.path = path
         self.tape = Tape(path, self.monitor.station, self.clock)
         self.pictures = []
+
+    def _frame(self, frame: Frame) -> None:
+        self.tape.recorder.frame(frame.direction, frame.data, frame.now_ns, frame.utc_ns)
 
     async def run(self, seconds: float) -> None:
         async for report in self.monitor.reports(duration_ns=round(seconds * SECOND)):
@@ -94,6 +98,22 @@ async def test_without_a_recording_there_is_what_is_in_memory(run):
     assert (found.t_s[0], run.board.trails.trails["LIC-201"].ends()[1]) == pytest.approx(history.reach(), abs=0.3)
     with pytest.raises(ValueError, match="slices"):
         await history.stretch("TIC-101", START_S, START_S + 30.0, 0)
+
+
+async def test_how_far_a_recording_reaches_is_looked_up_once(run, monkeypatch):
+    asked = []
+    monkeypatch.setattr("ahgateway.apps.history.opened", lambda path: asked.append(path) or opened(path))
+    files = [run.path]
+    history = History(run.board, lambda: files[0])
+    first, last = history.reach()
+    assert (first, last) == history.reach()
+    assert [run.path] == asked
+    assert first < START_S + 21.0
+    assert last == pytest.approx(run.clock.utc_ns() / SECOND, abs=0.3)
+    files[0] = run.path.with_name("next.ahrec")
+    files[0].write_bytes(run.path.read_bytes())
+    history.reach()
+    assert files[0] == asked[-1]
 
 
 async def test_a_link_that_went_breaks_the_curve(tmp_path):

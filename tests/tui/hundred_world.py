@@ -1,4 +1,4 @@
-"""A hundred loops on one fake PLC, each followed for real once a CYCLE of one second, shown, in virtual time."""
+"""A hundred loops on one fake PLC, each followed for real twice a CYCLE, shown, in virtual time."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from ahgateway.apps.board import Board
 from ahgateway.apps.monitor import Monitor
-from ahgateway.clock import SECOND, VirtualClock
+from ahgateway.clock import MILLISECOND, SECOND, VirtualClock
 from ahgateway.codec.devices import Device
 from ahgateway.codec.station import FakeLoop, Loop
 from ahgateway.fake.plc import FakePlc
@@ -16,7 +16,9 @@ from ahgateway.tui.app import MonitorApp
 
 LOOPS = 100
 STRIDE = 150
-POLL_MS = 500
+SCAN_MS = 50
+EXECUTIONS_KEPT = 4
+"""Of each loop in the fake PLC's own log: what is measured is the monitor's memory, not the fake's."""
 
 
 def moved(device: Device, number: int) -> Device:
@@ -30,21 +32,22 @@ class HundredWorld:
 
     Args:
         capacity: Samples kept of each loop.
+        cycle_s: CYCLE of every loop, whole seconds.
     """
 
-    def __init__(self, *, capacity: int) -> None:
+    def __init__(self, *, capacity: int, cycle_s: int = 1) -> None:
         loaded = load("demo")
         demo = loaded.station()
         first = next(loop for loop in demo.loops if loop.name == "LIC-201")
         loops = tuple(self._loop(first, number) for number in range(LOOPS))
-        station = replace(demo, loops=loops, pacing=replace(demo.pacing, poll_ms=POLL_MS))
+        station = replace(demo, loops=loops, pacing=replace(demo.pacing, poll_ms=500 * cycle_s))
         setup = loaded.fake_setup()[first.name]
         fakes = {
-            loop.name: FakeLoop({**setup.initial, "SV": 40.0 + number % 20, "CYCLE": 100}, setup.plant)
+            loop.name: FakeLoop({**setup.initial, "SV": 40.0 + number % 20, "CYCLE": 100 * cycle_s}, setup.plant)
             for number, loop in enumerate(loops)
         }
         self.clock = VirtualClock()
-        self.plc = FakePlc(station, fakes, clock=self.clock)
+        self.plc = FakePlc(station, fakes, clock=self.clock, scan_ns=SCAN_MS * MILLISECOND, log_max=EXECUTIONS_KEPT)
         self.monitor = Monitor(station, MemoryLink(self.plc, self.clock, target="memory:hundred"), self.clock)
         self.board = Board(self.monitor, self.clock, capacity=capacity)
         self.app = MonitorApp(self.board, "hundred", encoding="utf-8", is_ticking=False)

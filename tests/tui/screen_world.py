@@ -7,6 +7,7 @@ from ahgateway.apps.monitor import Monitor
 from ahgateway.clock import SECOND, VirtualClock
 from ahgateway.fake.plc import FakePlc
 from ahgateway.schema.profile import load
+from ahgateway.transports.base import Tap
 from ahgateway.transports.memory import MemoryLink
 from ahgateway.tui.app import MonitorApp
 
@@ -14,12 +15,12 @@ from ahgateway.tui.app import MonitorApp
 class ScreenWorld:
     """The loops of a shipped example, the demo's two unless another is named, followed and shown."""
 
-    def __init__(self, profile: str = "demo", *, warm_up_s: int = 0) -> None:
+    def __init__(self, profile: str = "demo", *, warm_up_s: int = 0, tap: Tap | None = None) -> None:
         loaded = load(profile)
         self.clock = VirtualClock()
         self.plc = FakePlc(loaded.station(), loaded.fake_setup(), clock=self.clock)
         self.clock.advance_ns(warm_up_s * SECOND)
-        self.link = MemoryLink(self.plc, self.clock, target=f"memory:{profile}")
+        self.link = MemoryLink(self.plc, self.clock, tap=tap, target=f"memory:{profile}")
         self.monitor = Monitor(loaded.station(), self.link, self.clock)
         self.board = Board(self.monitor, self.clock)
         self.notes = []

@@ -34,15 +34,16 @@ async def test_the_first_page_names_every_loop_with_its_verdict_values_and_age(w
         await pilot.pause()
         lines = text_of(pilot.app)
     assert "Demo  │  2 loops  │  link up  │  none diverged  │  00:00:22Z" == lines[0]
-    head = ["loop", "verdict", "proven", "of", "diverged", "SV", "PV", "MV", "mode", "way", "age", "health", "findings"]
+    head = ["loop", "verdict", "proven", "diverged", "age", "SV", "PV", "MV", "mode", "health", "way", "findings"]
     assert head == line_with(lines, "verdict").split()
     row = line_with(lines, "TIC-101").split()
     assert [">", "TIC-101", "MATCH"] == row[:3]
-    assert ["0", "80"] == row[6:8]
-    assert "auto" == row[10]
-    assert ["polled", "0.0", "s"] == row[11:14]
+    counts = world.board.watches["TIC-101"].follower.summary()
+    assert [f"{100 * counts.proven // counts.total}%", "of", str(counts.total), "0", "0.0", "s", "80"] == row[3:10]
+    assert ["auto", "-", "polled"] == row[12:15]
     assert "LIC-201" in line_with(lines, "LIC-201")
-    assert "q quit" in lines[-1]
+    assert "q quit  n note" in lines[-1]
+    assert "t only what needs a look" in lines[-1]
 
 
 async def test_stale_values_never_look_live(world):
@@ -60,6 +61,8 @@ async def test_stale_values_never_look_live(world):
         await pilot.pause()
         lines = text_of(pilot.app)
         assert "STALE" in line_with(lines, "TIC-101  DPIDE")
+        assert "SV (80)   °C" in line_with(lines, "PV (")
+        assert "reference MV (" in line_with(lines, "MV (")
         assert "(80)  °C" in line_with(lines, "D100 ")
         assert "(" in line_with(lines, " I ").partition("PLC")[0]
 
@@ -100,6 +103,40 @@ async def test_arrows_and_a_click_choose_a_loop(world):
         await pilot.click(offset=(8, lines.index(line_with(lines, "TIC-101"))))
         await pilot.pause()
         assert "TIC-101  DPIDE  " in line_with(text_of(pilot.app), "DPIDE")
+
+
+async def test_only_the_loops_that_need_a_look_are_left(world):
+    world.plc.fail("LIC-201", "gain-1-percent")
+    world.plc.write("LIC-201", "SV", 55.0)
+    await world.run(3.0)
+    async with world.app().run_test(size=WIDE) as pilot:
+        await pilot.press("down", "up", "t")
+        await pilot.pause()
+        lines = text_of(pilot.app)
+        assert "> LIC-201  DIVERGED" in line_with(lines, "LIC-201")
+        assert not [line for line in lines if "TIC-101" in line]
+        await pilot.press("enter")
+        await pilot.pause()
+        assert "LIC-201  DPID  " in line_with(text_of(pilot.app), "DPID")
+        await pilot.press("1", "t")
+        await pilot.pause()
+        assert "TIC-101" in line_with(text_of(pilot.app), "TIC-101")
+
+
+async def test_what_is_longer_or_wider_than_the_page_is_reached_by_keys(world):
+    async with world.app().run_test(size=(80, 24)) as pilot:
+        await pilot.press("2")
+        await pilot.pause()
+        assert "ERR_DBW" not in "\n".join(text_of(pilot.app))
+        await pilot.press("end")
+        await pilot.pause()
+        assert "ERR_DBW" in "\n".join(text_of(pilot.app))
+        await pilot.press("1")
+        await pilot.pause()
+        assert "findings" not in "\n".join(text_of(pilot.app))
+        await pilot.press(*["right"] * 60)
+        await pilot.pause()
+        assert "findings" in "\n".join(text_of(pilot.app))
 
 
 async def test_brackets_turn_to_the_next_loop_and_round(world):
@@ -168,7 +205,8 @@ async def test_the_filter_leaves_what_is_asked_for(world):
 
 async def test_a_report_draws_nothing_by_itself(world):
     async with world.app().run_test(size=WIDE) as pilot:
-        await pilot.pause()
+        while not pilot.app.redraws:  # the first page is drawn once, as soon as it has its size
+            await pilot.pause()
         before = pilot.app.redraws
         await world.run(2.0)
         await pilot.pause()

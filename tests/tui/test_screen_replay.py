@@ -6,6 +6,7 @@ import pytest
 from apps.test_player import Played, path  # noqa: F401
 from tui.screen_world import ScreenWorld, text_of
 
+from ahgateway.transports.base import Frame
 from ahgateway.tui.app import MonitorApp
 
 pytestmark = pytest.mark.slow
@@ -51,7 +52,7 @@ async def test_a_moment_can_be_typed(path):  # noqa: F811
         await pilot.press("g", *"2026-01-01T00:00:27", "enter")
         await played.until(lambda: played.player.text().startswith("PAUSED 7.0"))
         await pilot.press("g", *"soon", "enter")
-        await pilot.pause()
+        await played.until(lambda: len(pilot.app._notifications))
         said = [each.message for each in pilot.app._notifications]
         assert said[0].startswith("go to: `soon` is no moment; seconds from the start")
     await played.end()
@@ -69,6 +70,38 @@ async def test_the_log_forgets_what_lies_behind_the_place(path):  # noqa: F811
         pilot.app.redraw()
         await pilot.pause()
         assert "DIVERGED" not in "\n".join(text_of(pilot.app)[3:])
+    await played.end()
+
+
+async def test_the_link_page_shows_the_frames_of_then_and_counts_them(path):  # noqa: F811
+    played = Played(path)
+    played.monitor.on_frame = played.board.frame
+    played.player.pause()
+    async with screen(played).run_test(size=SIZE) as pilot:
+        for place in ("4", "9", "2"):
+            await pilot.press("g", *place, "enter")
+            await played.until(lambda place=place: played.player.text().startswith(f"PAUSED {place}.0"))
+            now_ns = played.clock.now_ns()
+            await pilot.press("3")
+            await pilot.pause()
+            lines = text_of(pilot.app)
+            of_then = [Frame(*each[2:], *each[:2]) for each in played.recording.frames() if each[0] <= now_ns]
+            figures = played.monitor.link.figures
+            assert of_then[-1] == played.board.frames[-1]
+            assert of_then[-1].data.hex(" ")[:40] in "\n".join(lines)
+            # Since the pass began, 20 seconds before the place or at the start.
+            assert sum(frame.direction == ">" for frame in of_then) == figures.requests == figures.replies
+            assert f"requests {figures.requests}  replies {figures.replies}  exceptions 0" in "\n".join(lines)
+            assert "read 46 holding registers from 0x0064" in "\n".join(lines)
+    await played.end()
+
+
+async def test_a_recording_without_frames_says_how_it_would_have_some(path):  # noqa: F811
+    played = Played(path)
+    async with screen(played).run_test(size=SIZE) as pilot:
+        await pilot.press("3")
+        await pilot.pause()
+        assert "--record-frames" in "\n".join(text_of(pilot.app))
     await played.end()
 
 

@@ -31,7 +31,6 @@ PROBE_INDEX = 0x1018
 PROBE_SUBS = 250
 """Sub-indices of the identity object that probes take in turn; an abort echoes one that is not there as well."""
 PROBES_MAX = 3
-ROUND_TRIPS_KEPT_MAX = 4096
 _STOLEN = "another SDO client speaks to this node"
 
 
@@ -152,7 +151,7 @@ class SdoLink:
             if isinstance(request, Read):
                 values += self._part(request, each, transfer)
         self._last_ns = last_ns
-        self._note(last_ns - sent_ns)
+        self.figures.answered(last_ns - sent_ns)
         assert self._aligned_ns is not None
         return Reply(request, tuple(values), sent_ns, first_ns, last_ns, self._aligned_ns)
 
@@ -276,13 +275,3 @@ class SdoLink:
             self._replies.get_nowait()
             self.figures.late += 1
         self._replies.put_nowait(event)
-
-    def _note(self, took_ns: int) -> None:
-        figures = self.figures
-        figures.replies += 1
-        figures.round_trip_last_ns = took_ns
-        figures.round_trip_total_ns += took_ns
-        figures.round_trip_worst_ns = max(figures.round_trip_worst_ns, took_ns)
-        figures.round_trips_ns.append(took_ns)
-        if len(figures.round_trips_ns) > ROUND_TRIPS_KEPT_MAX:
-            del figures.round_trips_ns[: ROUND_TRIPS_KEPT_MAX // 2]

@@ -3,13 +3,14 @@ import { Sparks } from "./sparks.js";
 import { Trend } from "./trend.js";
 import { LogPage, LinkPage, fill, cell, get, passes } from "./pages.js";
 
-const STATE_MS = 500, LOOP_MS = 1000, QUIET_AFTER_MS = 3000;
+const STATE_MS = 500, LOOP_MS = 1000, QUIET_AFTER_MS = 3000, PATIENCE_MS = 5000;
 const by = (id) => document.getElementById(id);
 
 const sparks = new Sparks();
 const trend = new Trend(by("trend"), { reading: by("reading"), legend: by("legend"), live: by("live"), spans: by("spans") });
 const pages = { link: new LinkPage(), log: new LogPage() };
-let state = null, answered = performance.now(), page = "loops", chosen = "", rows = new Map();
+let state = null, answered = performance.now(), page = "loops", chosen = "", looked = null, unknown = "", isSilent = false;
+const rows = new Map();
 
 function theme(name) {
   document.documentElement.dataset.theme = name;
@@ -17,15 +18,23 @@ function theme(name) {
   trend.paint();
 }
 
+// What stands behind the # may be anything that somebody typed.
+function typed(hash) {
+  try { return decodeURIComponent(hash); } catch { return hash; }
+}
+
 function show() {
-  const [name, loop] = decodeURIComponent(location.hash.slice(1)).split("=");
+  const [, name, loop] = /^([^=]*)=?(.*)$/s.exec(typed(location.hash.slice(1)));
   page = by(`page-${name}`) ? name : "loops";
-  if (loop) chosen = loop;
+  unknown = loop && state && !state.loops.some((each) => each.name === loop) ? loop : "";
+  if (unknown) page = "loops";
+  else if (loop) chosen = loop;
   for (const section of document.querySelectorAll("main > section")) section.hidden = section.id !== `page-${page}`;
   for (const link of document.querySelectorAll("nav a")) {
     if (link.dataset.page === page) link.setAttribute("aria-current", "page"); else link.removeAttribute("aria-current");
   }
   if (page === "loop" && state) openLoop();
+  if (page === "loops" && state) loops();
   pages[page]?.refresh();
 }
 
@@ -41,10 +50,19 @@ function pill(node, word) {
   node.textContent = word;
 }
 
+// Asked by a clock of its own: a gateway that hangs sends no answer after which it could be asked.
 function head() {
   const silent = performance.now() - answered > QUIET_AFTER_MS;
   const alarm = by("alarm");
   document.body.classList.toggle("silent", silent);
+  if (silent !== isSilent) {
+    isSilent = silent;
+    if (silent && state) {
+      for (const loop of state.loops) Object.assign(loop, { stale: true, word: "STALE" });
+      loops();
+    }
+    if (silent && looked) { Object.assign(looked.row, { stale: true, word: "STALE" }); showLoop(looked); }
+  }
   if (silent) { alarm.className = "pill alarm"; alarm.textContent = "GATEWAY SILENT: nothing shown is live"; return; }
   if (!state) return;
   by("station").textContent = state.station;
@@ -81,34 +99,39 @@ function loops() {
       sparks.add(loop.name, row.querySelector("canvas"));
     }
     const text = `${loop.name} ${loop.word} ${loop.mode} ${loop.health} ${loop.notes}`;
-    const hides = !passes(wanted, text) || (trouble && loop.word === "MATCH" && !loop.notes);
+    const hides = !passes(wanted, text) || (trouble && !loop.look && !loop.stale);
     row.hidden = hides;
     shown += !hides;
     pill(row.cells[1].firstChild, loop.word);
     fill(row.cells[2], `${Math.floor(loop.coverage * 100)} % of ${loop.total}`);
     fill(row.cells[3], loop.diverged, loop.diverged ? "right many" : "right");
     const old = loop.stale ? "right stale" : "right";
-    const value = (text, unit) => (loop.stale ? `(${text})` : text) + (unit ? ` ${unit}` : "");
+    const value = (text, unit) => (loop.stale && text !== "-" ? `(${text})` : text) + (unit && text !== "-" ? ` ${unit}` : "");
     fill(row.cells[5], value(loop.sv, loop.units[0]), old);
     fill(row.cells[6], value(loop.pv, loop.units[0]), old);
     fill(row.cells[7], value(loop.mv, loop.units[1]), old);
-    fill(row.cells[8], loop.mode);
+    fill(row.cells[8], value(loop.mode), old === "right" ? "" : "stale");
     fill(row.cells[9], loop.way);
     fill(row.cells[10], loop.age_s === null ? "-" : `${loop.age_s.toFixed(1)} s`, old);
     fill(row.cells[11], loop.health);
     fill(row.cells[12], loop.notes, "notes");
   }
-  fill(by("loops-count"), shown === state.loops.length ? "" : `${shown} of ${state.loops.length} loops`);
+  const count = shown === state.loops.length ? "" : `${shown} of ${state.loops.length} loops`;
+  fill(by("loops-count"), unknown ? `this station has no loop ${unknown}` : count);
   if (by("choose").options.length !== state.loops.length) {
     by("choose").replaceChildren(...state.loops.map((loop) => new Option(loop.name)));
-    if (page === "loop") openLoop();
   }
 }
 
 async function refreshLoop() {
   if (page !== "loop" || !chosen || !state) return;
-  const found = await get("loop", { loop: chosen });
+  const found = await get("loop", { loop: chosen }, PATIENCE_MS);
   if (!found || found.row.name !== chosen) return;
+  looked = found;
+  showLoop(found);
+}
+
+function showLoop(found) {
   const row = found.row, old = row.stale;
   pill(by("word"), row.word);
   fill(by("loop-facts"), `${row.instruction} · proven ${row.proven} of ${row.total} (${Math.floor(row.coverage * 100)} %) · `
@@ -138,15 +161,17 @@ function line(cells) {
 }
 
 async function tick() {
-  const found = await get("state");
+  const found = await get("state", {}, PATIENCE_MS);
   if (found) {
+    const isFirst = !state;
     state = found;
     answered = performance.now();
+    head();
     trend.now(state);
     loops();
+    if (isFirst) show();
     if (page === "loops") await sparks.fetch(state.t);
   }
-  head();
   setTimeout(tick, STATE_MS);
 }
 
@@ -184,4 +209,5 @@ by("loops-trouble").addEventListener("change", loops);
 show();
 tick();
 slow();
+setInterval(head, STATE_MS);
 window.ahgateway = { trend, sparks, state: () => state };

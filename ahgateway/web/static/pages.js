@@ -1,8 +1,11 @@
 // The link and the log, and what all pages share.
 
-export async function get(name, query = {}) {
+// A day of a recording takes a while; a gateway that hangs must not be waited for for ever.
+const LONGEST_MS = 120000;
+
+export async function get(name, query = {}, patience = LONGEST_MS) {
   try {
-    const reply = await fetch(`${name}.json?${new URLSearchParams(query)}`);
+    const reply = await fetch(`${name}.json?${new URLSearchParams(query)}`, { signal: AbortSignal.timeout(patience) });
     return reply.ok ? await reply.json() : null;
   } catch { return null; }
 }
@@ -54,7 +57,7 @@ export class LinkPage {
       bar.style.width = `${100 * count / most}%`;
       return [name, number, bar];
     }));
-    fill(document.getElementById("frames"), found.frames.join("\n") || "no frames: a recording or a link without wires shows none");
+    fill(document.getElementById("frames"), found.frames.join("\n"));
   }
 }
 
