@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from ahgateway.apps.report import number
+from ahgateway.core.controllers import CONTROLLERS
 from ahgateway.tuning.blocks import Given, Use
 from ahgateway.tuning.conversion import Conversion, convert
 from ahgateway.tuning.models import Kind, Model
@@ -262,7 +263,7 @@ def compared(name: str, old: Response, new: Response, pv: tuple[float, float], m
 def judged(made: Conversion, runs: tuple[Run, ...]) -> tuple[Verdict, str]:
     """Return the verdict of the run within the limits, with its numbers."""
     if not runs:
-        return Verdict.UNPROVEN, f"no law of ours for {made.source} or {made.target}: the settings stand unproven"
+        return Verdict.UNPROVEN, f"no law of ours for {' or '.join(_lawless(made))}: the settings stand unproven"
     run = runs[0]
     apart = max(run.mv_apart, run.pv_apart)
     far = "" if len(runs) < 2 else f"; beyond the limits MV differs by up to {100 * runs[1].mv_apart:.3g} %"
@@ -279,6 +280,11 @@ def judged(made: Conversion, runs: tuple[Run, ...]) -> tuple[Verdict, str]:
     because = ", ".join(codes) or "the laws themselves: no warning stands for it"
     size = f"MV {100 * run.mv_apart:.2g} %, PV {100 * run.pv_apart:.2g} %"
     return Verdict.DIFFERENT, f"different because of {because}: {size}{far}"
+
+
+def _lawless(made: Conversion) -> list[str]:
+    """The blocks of this conversion that no law of ours runs."""
+    return [name for name in dict.fromkeys((made.source, made.target)) if name not in CONTROLLERS]
 
 
 def as_json(found: Migration) -> Json:

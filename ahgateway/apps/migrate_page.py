@@ -21,11 +21,11 @@ BODY = """
 {% if each.size and each.unit %}({{ '%.3g'|format(each.size) }} {{ each.unit }}){% endif %} {{ each.text }}.</div>
 {% else %}<p>Nothing.</p>{% endfor %}
 <h2>Proof</h2>
-<p class="muted">Both run in their own arithmetic on {{ process }}, from the same rest.</p>
+{% if runs %}<p class="muted">Both run in their own arithmetic on {{ process }}, from the same rest.</p>{% endif %}
 {% for run, plot in runs %}<figure>{{ plot }}<figcaption>{{ run.name }}: MV differs by up to
 {{ '%.3g'|format(100 * run.mv_apart) }} %, PV by up to {{ '%.3g'|format(100 * run.pv_apart) }} % of their ranges.
 </figcaption></figure>{% else %}
-<p>There is no law of ours for one of the two; the settings stand unproven.</p>{% endfor %}
+<p>None: {{ text }}.</p>{% endfor %}
 <h2>Profile fragment</h2>
 <pre>{{ fragment }}</pre>
 """

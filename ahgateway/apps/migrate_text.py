@@ -15,20 +15,27 @@ LAID_OUT = ("DPID", "DPIDE")
 
 def fragment(found: Migration, name: str) -> str:
     """Return the settings as a piece of a profile; a block that profiles do not know yet becomes a plain table."""
-    made = found.conversion
+    import tomlkit
+
+    made, loop = found.conversion, tomlkit.key(name).as_string()
     lines = [f"# {made.source} rebuilt as {made.target}: {found.text}"]
     lines += [f"# {loss.code}: {loss.text}" for loss in made.losses]
     settings = [f"{key} = {toml(value)}" for key, value in made.settings.items()]
     if made.target not in CONTROLLERS:
         return "\n".join([*lines, "", f"[{made.target}]", *settings]) + "\n"
     (low, high), (bottom, top) = made.scaling.pv_to, made.scaling.mv_to
-    lines += ["", f"[loops.{name}]", f'instruction = "{made.target}"']
+    if made.target == "PID_Temp":
+        # Its own defaults read Input_PER and take 120 for the highest process value.
+        least, most = (-high, -low) if made.wanted.sign != made.reached.sign else (low, high)
+        settings += ["InputPerOn = false", f"InputUpperLimit = {most:.9g}", f"InputLowerLimit = {least:.9g}"]
+    lines += ["# goes into a profile beside its [station]; `ahgateway profile check` then looks at both"]
+    lines += ["", f"[loops.{loop}]", f'instruction = "{made.target}"']
     lines += ['layout = "manual"'] if made.target in LAID_OUT else []
     lines.append(f"ranges = {{ pv = [{low:.9g}, {high:.9g}], mv = [{bottom:.9g}, {top:.9g}] }}")
     if made.target not in LAID_OUT:
-        lines += ["", f"[loops.{name}.operands]   # one after the other; put here where your program has them"]
+        lines += ["", f"[loops.{loop}.operands]   # one after the other; put here where your program has them"]
         lines += _places(CONTROLLERS[made.target])
-    return "\n".join([*lines, "", f"[loops.{name}.fake.initial]", *settings]) + "\n"
+    return "\n".join([*lines, "", f"[loops.{loop}.fake.initial]", *settings]) + "\n"
 
 
 def _places(controller: Controller) -> list[str]:

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from ahgateway.cli.tune import pairs
+
 
 def import_(
     file: Annotated[str, typer.Argument(help="CSV file: a line of names, then rows; comma, semicolon or tab.")],
@@ -38,21 +40,9 @@ def import_(
     trend = Trend(
         instruction,
         loop,
-        _pairs(map_ or [], "--map"),
-        _pairs(set_ or [], "--set"),
+        pairs(map_ or [], "--map"),
+        pairs(set_ or [], "--set"),
         moment_ns(start, "--start", 0) if start else 0,
     )
     count = import_csv(Path(file), Path(out), trend)
     typer.echo(f"{out}: {count} rows")
-
-
-def _pairs(texts: list[str], option: str) -> dict[str, str]:
-    from ahgateway.errors import ProfileError
-
-    found = {}
-    for text in texts:
-        name, equals, value = text.partition("=")
-        if not equals or not name:
-            raise ProfileError(f"`{text}` is no NAME=VALUE", key=option, hint="such as PV=TT101")
-        found[name.strip()] = value.strip()
-    return found

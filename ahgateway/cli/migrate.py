@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -26,8 +27,8 @@ def migrate(
     mv_from: Annotated[Range, typer.Option(help="Range of MV at the source.")] = (0.0, 100.0),
     pv_to: Annotated[Range | None, typer.Option(help="Range of PV at the target; the same otherwise.")] = None,
     mv_to: Annotated[Range | None, typer.Option(help="Range of MV at the target; the same otherwise.")] = None,
-    family_from: Annotated[str, typer.Option(help="CPU family of a Delta source: ah500 or as.")] = "ah500",
-    family_to: Annotated[str, typer.Option(help="CPU family of a Delta target: ah500 or as.")] = "ah500",
+    family_from: Annotated[str | None, typer.Option(help="CPU family of a Delta source: ah500 or as.")] = None,
+    family_to: Annotated[str | None, typer.Option(help="CPU family of a Delta target: ah500 or as.")] = None,
     stroke: Annotated[
         float | None, typer.Option(help="Stroke time in s of PID_REG_CE's motor; none: Y is used.")
     ] = None,
@@ -54,10 +55,13 @@ def migrate(
     from ahgateway.apps.migrate_text import as_text
     from ahgateway.apps.migrate_text import fragment as piece
     from ahgateway.cli.profile import _say
+    from ahgateway.errors import ProfileError
     from ahgateway.tuning.blocks import Use
     from ahgateway.tuning.canonical import Scaling
 
     given, file = _settings(settings)
+    if stroke is not None and not 0.0 < stroke < math.inf:
+        raise ProfileError(f"{stroke:g} is no stroke time above 0", key="--stroke")
     _check_ranges(pv_from=pv_from, mv_from=mv_from, pv_to=pv_to, mv_to=mv_to)
     found_process, trace = _process(process, record)
     found = migrated(
@@ -65,8 +69,8 @@ def migrate(
         given,
         target,
         scaling=Scaling(pv_from, mv_from, pv_to or pv_from, mv_to or mv_from),
-        use_from=Use(_family(family_from), stroke),
-        use_to=Use(_family(family_to), stroke),
+        use_from=Use(_family(family_from, source, "--family-from"), stroke),
+        use_to=Use(_family(family_to, target, "--family-to"), stroke),
         process=found_process,
         record=trace,
         file=file,
@@ -109,18 +113,25 @@ def _check_ranges(**ranges: Range | None) -> None:
     from ahgateway.errors import ProfileError
 
     for name, pair in ranges.items():
-        if pair is not None and not pair[0] < pair[1]:
-            raise ProfileError(f"{pair[0]:g} is not below {pair[1]:g}", key=f"--{name.replace('_', '-')}")
+        if pair is not None and not -math.inf < pair[0] < pair[1] < math.inf:
+            raise ProfileError(
+                f"{pair[0]:g} and {pair[1]:g} are no range, lowest first", key=f"--{name.replace('_', '-')}"
+            )
 
 
-def _family(text: str) -> Family:
+def _family(text: str | None, block: str, option: str) -> Family:
+    """The CPU family; a Delta block without one is taken for an AH500's, and that is said."""
     from ahgateway.errors import ProfileError
     from ahgateway.tuning.blocks import Family
 
+    if text is None:
+        if block.upper() in ("DPID", "DPIDE"):
+            typer.echo(f"{block}: PID_DIR as an AH500 means it; {option} as, if it stands in an AS PLC", err=True)
+        return Family.AH500
     for family in Family:
         if family.value == text.lower():
             return family
-    raise ProfileError(f"`{text}` is no CPU family, known are {', '.join(each.value for each in Family)}")
+    raise ProfileError(f"`{text}` is no CPU family, known are {', '.join(each.value for each in Family)}", key=option)
 
 
 def _process(texts: list[str] | None, record: Path | None) -> tuple[Model | None, Record | None]:

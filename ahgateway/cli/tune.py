@@ -209,16 +209,18 @@ def pairs(texts: list[str] | None, option: str) -> dict[str, str]:
     """Return NAME=VALUE texts as a table.
 
     Raises:
-        ProfileError: A text without `=`.
+        ProfileError: A text without `=`, or a name twice.
     """
     from ahgateway.errors import ProfileError
 
-    out = {}
+    out: dict[str, str] = {}
     for text in texts or []:
         name, separator, value = text.partition("=")
         if not separator or not name:
             raise ProfileError(f"`{text}` is not NAME=VALUE", key=option)
-        out[name] = value
+        if name.strip() in out:
+            raise ProfileError(f"{name} is given twice, {out[name.strip()]} and {value}", key=option)
+        out[name.strip()] = value.strip()
     return out
 
 

@@ -22,6 +22,8 @@ Params = dict[str, float | int | bool]
 Given = Mapping[str, float | int | bool]
 
 INT_MIN, INT_MAX = -32768, 32767
+WHOLE = ("MELSEC_PID", "PIDINIT")
+"""Blocks of 16-bit registers, SV, PV and MV among them."""
 PIDINIT_OFF = 30000
 """Times and derivative gains above it are infinite in the PIDINIT family (spec C.9)."""
 PIDINIT_FAR = 32767
@@ -92,7 +94,16 @@ class Block:
             if not isinstance(value, bool | int | float) or not math.isfinite(value):
                 raise ProfileError(f"{value!r} is no number", file=file or None, key=key)
             out[name] = bool(value) if isinstance(self.defaults[name], bool) else value
+            if type(self.defaults[name]) is int:
+                self._whole(key, value, file)
         return out
+
+    def _whole(self, key: str, value: float, file: str) -> None:
+        low, high = (INT_MIN, INT_MAX) if self.name in WHOLE else (-(2**31), 2**31 - 1)
+        if value != int(value) or not low <= value <= high:
+            raise ProfileError(
+                f"{value:g} does not fit its register, a whole number of {low}…{high}", file=file or None, key=key
+            )
 
 
 def _table(rows: tuple[Operand, ...], names: str) -> Params:

@@ -8,19 +8,22 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
+import numpy as np
+
+from ahgateway.core.controllers import melsec_pid
 from ahgateway.core.controllers.pid_temp_operands import FAR
 from ahgateway.core.real import REAL
 from ahgateway.errors import ProfileError
-from ahgateway.tuning.blocks import BLOCKS, INT_MAX, INT_MIN, Block, Given, Params, Use
+from ahgateway.tuning.blocks import BLOCKS, INT_MAX, INT_MIN, WHOLE, Block, Given, Params, Use
 from ahgateway.tuning.canonical import SAME, Band, Canonical, Scaling
 
-QUANTUM_MIN = 0.01
-"""Relative rounding above it is a warning, below it a note (spec 7.3)."""
+NOTE_MAX = 0.01
+"""Relative rounding up to it is said to be a note (spec 7.3)."""
 WHOLE_MIN = 1000
 """Fewer whole numbers than this over the range of MV are a rounding to speak of."""
-WHOLE = ("MELSEC_PID", "PIDINIT")
-"""Blocks whose SV, PV and MV are whole numbers."""
+REAL_MAX = float(np.finfo(REAL).max)
 EXACT = 1e-6
 """Relative difference below it is the REAL register itself."""
 
@@ -109,11 +112,12 @@ def convert(
         file: Where the settings came from, for messages.
 
     Raises:
-        ProfileError: A block or a setting that is not known.
+        ProfileError: A block or a setting that is not known, or a source that does not run with its settings.
     """
     use_from, use_to = use_from or Use(), use_to or Use()
     old, new = block(source), block(target)
     params = old.settings(given, file)
+    _check_runs(old, params, use_from, file)
     wanted = old.read(params, use_from).scaled(scaling)
     if old.name in ("DPID", "DPIDE") and use_to.dependent is None:
         use_to = replace(use_to, dependent=bool(params.get("PID_EQ", False)))
@@ -122,7 +126,7 @@ def convert(
     losses = (
         *_of_source(old, params, use_from),
         *_whole(old, new, scaling),
-        *_between(new, wanted, reached, use_to),
+        *_between(new, settings, wanted, reached, use_to),
         *_series(old, new, use_from, use_to),
     )
     if old.windup != new.windup:
@@ -131,21 +135,41 @@ def convert(
     return Conversion(old.name, params, new.name, settings, wanted, reached, losses, scaling)
 
 
+def _check_runs(old: Block, p: Params, use: Use, file: str) -> None:
+    """Refuse settings with which the source stands still: there is nothing to rebuild."""
+    times = {"PIDINIT": ["TS"], "PID_Temp": ["Heat_Cycle"], "PID_REG_CE": ["DT"]}.get(old.name, [])
+    if old.name == "PID_REG_CE" and use.stroke_s is not None:
+        times += ["T_PERIOD", "PT_MIN_IMP"]
+    for name in times:
+        if not p[name] > 0.0:
+            raise ProfileError(f"{p[name]:g} is no time above 0: {old.name} does not run", file=file or None, key=name)
+    if old.name == "MELSEC_PID":
+        fields = melsec_pid.Operands._fields
+        words: dict[str, Any] = {name.lower(): int(value) for name, value in p.items() if name.lower() in fields}
+        code = melsec_pid.parameter_error(melsec_pid.Operands(**words))
+        if code:
+            name = ("TS", "ALPHA", "KP", "TI", "KD", "TD")[code - melsec_pid.BAD_TS]
+            text = f"{p[name]:g} stops the instruction with error {code:04X}H: there is nothing to rebuild"
+            raise ProfileError(text, file=file or None, key=name)
+
+
 def rounded(value: float | int | bool) -> float | int | bool:
-    """Return a setting as its register holds it: REALs in binary32."""
-    return float(REAL(value)) if isinstance(value, float) else value
+    """Return a setting as its register holds it: REALs in binary32, the largest one in place of what lies beyond."""
+    if not isinstance(value, float):
+        return value
+    return float(REAL(min(max(value, -REAL_MAX), REAL_MAX)))
 
 
 def _of_source(old: Block, p: Params, use: Use) -> list[Loss]:
     """What the canonical set cannot hold at all."""
     out: list[Loss] = []
     if old.name in ("DPID", "DPIDE") and p["PID_MODE"] == 1:
-        out.append(Loss("W-AUTOTUNE", "PID_MODE is 1: the gains are still being sought", is_exact=True))
+        out.append(Loss("W-AUTOTUNE", "PID_MODE is 1: the gains are still being sought"))
     if old.name == "DPID" and p["PID_MODE"] == 2:
         text = "PID_MODE is 2: the transfer from manual took the held integral, it will be bumpless"
-        out.append(Loss("W-MODE", text, is_exact=True))
+        out.append(Loss("W-MODE", text))
     if old.name == "MELSEC_PID" and int(p["ACT"]) & 0x10:
-        out.append(Loss("W-AUTOTUNE", "ACT bit 4 is on: the gains are still being sought", is_exact=True))
+        out.append(Loss("W-AUTOTUNE", "ACT bit 4 is on: the gains are still being sought"))
     if old.name == "MELSEC_PID" and old.read(p, use).umax - old.read(p, use).umin < WHOLE_MIN:
         span = old.read(p, use).umax - old.read(p, use).umin
         text = f"SV, PV and MV were whole numbers, {span:g} of them for MV; they no longer are"
@@ -163,7 +187,7 @@ def _of_source(old: Block, p: Params, use: Use) -> list[Loss]:
             size = float(p["Heat_ControlZone"])
             out.append(Loss("W-DBAND", f"the control zone of {size:g} is not carried over", size, "PV"))
     if old.name == "PID_REG_CE" and use.stroke_s is not None:
-        out.append(_pulses(use))
+        out.append(_pulses(p, use))
     return out
 
 
@@ -193,20 +217,24 @@ def _series(old: Block, new: Block, use_from: Use, use_to: Use) -> list[Loss]:
     return []
 
 
-def _pulses(use: Use) -> Loss:
+def _pulses(p: Params, use: Use) -> Loss:
     text = (
         f"pulses on an actuator of {use.stroke_s:g} s stroke are a linear likeness only: the error grows with |Y|, "
         "the zone, the shortest pulse and backlash"
     )
+    if p["TV"] > 0.0 and p["KP"] > 0.0:
+        # Spec D.4: D acts from one call to the next, and the call in which a series begins makes its first pulse.
+        kick = p["KP"] * p["TV"] / p["DT"]
+        text += f"; SV that steps by 1 makes Y jump by {kick:.3g} % in one call: let SV run in a ramp, or set TV to 0"
     return Loss("W-PULSE", text, 1.0, "% of stroke per shortest pulse")
 
 
-def _between(new: Block, wanted: Canonical, reached: Canonical, use: Use) -> list[Loss]:
+def _between(new: Block, settings: Params, wanted: Canonical, reached: Canonical, use: Use) -> list[Loss]:
     """What differs between the canonical set that was wanted and the one that was reached."""
     out = _structure(new, wanted, reached)
     out += _numbers(new, wanted, reached, use)
     if new.name == "PID_REG_CE" and use.stroke_s is not None:
-        out.append(_pulses(use))
+        out.append(_pulses(settings, use))
     return out
 
 
@@ -247,7 +275,10 @@ def _numbers(new: Block, w: Canonical, r: Canonical, use: Use) -> list[Loss]:
     if abs(w.ts_s - r.ts_s) > EXACT * w.ts_s and not (new.name == "PID_REG_CE" and use.stroke_s is not None):
         text = f"the sampling time was {1000 * w.ts_s:g} ms, it becomes {1000 * r.ts_s:g} ms"
         out.append(Loss("W-TS", text, 1000 * abs(w.ts_s - r.ts_s), "ms"))
-    if w.kp == 0.0 and (w.ki > 0.0 or w.kd > 0.0) and (r.ki, r.kd) != (w.ki, w.kd):
+    if w.kp > 0.0 and r.kp == 0.0:
+        out.append(Loss("W-RANGE", f"Kc was {w.kc:.6g}, in {new.name} it is 0: the controller is off", 100.0, "%"))
+    lost = max(abs(w.ki - r.ki), abs(w.kd - r.kd))
+    if w.kp == 0.0 and lost > EXACT * max(w.ki, w.kd):
         text = f"I or D without P (Ki {w.ki:g}, Kd {w.kd:g}) has no form in {new.name}: the branches are off"
         out.append(Loss("W-RANGE", text, max(w.ki, w.kd)))
     for name, want, have in (
@@ -260,6 +291,7 @@ def _numbers(new: Block, w: Canonical, r: Canonical, use: Use) -> list[Loss]:
         if share > EXACT:
             code = "W-RANGE" if share > 0.2 else "W-QUANT"
             text = f"{name} was {want:.6g}, the registers hold {have:.6g}"
+            text += " (up to 1 % a note)" if share <= NOTE_MAX else ""
             out.append(Loss(code, text, 100 * share, "%"))
     for name, want, have in (("upper", w.umax, r.umax), ("lower", w.umin, r.umin)):
         wide = new.name not in ("MELSEC_PID", "PIDINIT") and abs(want) > 1e30

@@ -80,3 +80,32 @@ def test_every_fragment_is_a_loop_that_a_profile_takes(tmp_path, target):
     file.write_text(STATION + fragment(migrate(source, SOURCES[source], target, scaling=WIDE), "TIC-1"), "utf-8")
     done = CliRunner().invoke(app, ["profile", "check", str(file)])
     assert (0, True) == (done.exit_code, "1 loop: TIC-1" in done.stdout), done.exception
+
+
+def test_a_tag_with_a_blank_and_the_process_limits_of_pid_temp_stand_in_the_fragment(tmp_path):
+    text = fragment(migrate("DPIDE", SOURCES["DPIDE"], "PID_Temp", scaling=WIDE), "TIC 1")
+    assert {'[loops."TIC 1"]', "InputPerOn = false", "InputUpperLimit = 4000", "InputLowerLimit = 0"} <= set(
+        text.splitlines()
+    )
+    (tmp_path / "p.toml").write_text(STATION + text, "utf-8")
+    assert 0 == CliRunner().invoke(app, ["profile", "check", str(tmp_path / "p.toml")]).exit_code
+
+
+@pytest.mark.parametrize(
+    ("words", "text"),
+    [
+        (["Kp=1", "--to", "PID_REG_CE", "--stroke", "0"], "--stroke: 0 is no stroke time above 0"),
+        (["Kp=1", "--to", "DPIDE", "--mv-from", "0", "inf"], "--mv-from: 0 and inf are no range, lowest first"),
+        (["Kp=1", "Kp=2", "--to", "DPIDE"], "Kp is given twice, 1 and 2"),
+        (["Kp=1", "--to", "DPIDE", "--family-to", "x"], "--family-to: `x` is no CPU family"),
+    ],
+)
+def test_a_wrong_word_is_refused_with_its_name(words, text):
+    done = CliRunner().invoke(app, ["migrate", *words, "--from", "DPID"])
+    assert text in str(done.exception)
+
+
+def test_what_has_no_law_of_ours_is_named_alone():
+    found = migrate("DPID", SOURCES["DPID"], "PIDINIT", scaling=WIDE)
+    assert "no law of ours for PIDINIT: the settings stand unproven" == found.text
+    assert "no law of ours for PIDINIT" in page(found, "TIC-1")

@@ -132,6 +132,57 @@ def test_every_loss_has_its_code_and_size(source, given, target, code, size):
     assert size == pytest.approx(loss(convert(source, given, target), code).size)
 
 
+def test_an_integral_without_p_keeps_its_independent_form_and_is_no_loss():
+    """Kp 0, Ki 0.05 in a DPID is Ti_Ki 0.05 with PID_EQ off; binary32 of 0.05 is no loss."""
+    found = convert("DPID", {"Kp": 0.0, "Ki": 0.05, "Kd": 0.25, "CYCLE": 10}, "DPIDE")
+    assert (0.0, float(REAL(0.05)), 0.25, False) == tuple(
+        found.settings[name] for name in ("Kc_Kp", "Ti_Ki", "Td_Kd", "PID_EQ")
+    )
+    assert ([], True) == (codes(found), found.is_exact)
+
+
+def test_a_gain_that_rounds_to_nothing_is_said_to_switch_the_controller_off():
+    """100 · 0.004 = 0.4 rounds to KP 0."""
+    found = convert("DPIDE", {"Kc_Kp": 0.004, "Ti_Ki": 10.0, "Td_Kd": 0.0, **DEPENDENT}, "MELSEC_PID")
+    assert 0 == found.settings["KP"]
+    assert "Kc was 0.004, in MELSEC_PID it is 0: the controller is off" in [each.text for each in found.losses]
+
+
+def test_a_mode_that_the_target_lacks_is_not_exact():
+    """Spec 7.3: DPID to DPIDE is exact only when PID_MODE is not 2."""
+    assert not convert("DPID", {"PID_MODE": 2}, "DPIDE").is_exact
+    assert not convert("DPID", {"PID_MODE": 1}, "DPIDE").is_exact
+
+
+def test_what_no_real_register_holds_becomes_the_largest():
+    found = convert("DPID", {"Kp": 3e38}, "DPIDE", scaling=Scaling(pv_from=(0.0, 100.0)))
+    assert 3.4028234663852886e38 == found.settings["Kc_Kp"]
+    assert "W-RANGE" in codes(found)
+
+
+@pytest.mark.parametrize(
+    ("source", "given", "text"),
+    [
+        ("MELSEC_PID", {"TS": 0}, "TS: 0 stops the instruction with error 11A0H"),
+        ("MELSEC_PID", {"KD": 201}, "KD: 201 stops the instruction with error 11A4H"),
+        ("MELSEC_PID", {"KP": 250.5}, "KP: 250.5 does not fit its register, a whole number of -32768…32767"),
+        ("MELSEC_PID", {"TS": 40000}, "TS: 40000 does not fit its register"),
+        ("PID_Temp", {"Heat_Cycle": 0.0}, "Heat_Cycle: 0 is no time above 0"),
+        ("PID_REG_CE", {"DT": 0.0}, "DT: 0 is no time above 0"),
+    ],
+)
+def test_a_source_that_does_not_run_is_refused(source, given, text):
+    with pytest.raises(ProfileError, match=text):
+        convert(source, given, "DPIDE")
+
+
+def test_a_derivative_before_pulses_is_said_to_act_in_one_call():
+    """Kc 2, Ti 20 s, stroke 60 s: KP 2 · 60/20 = 6; TV 3 s; DT the shorter of 1 s and 0.6 s / 5: 6 · 3 / 0.12."""
+    given_ones = {"Kc_Kp": 2.0, "Ti_Ki": 20.0, "Td_Kd": 3.0, "PID_EQ": True}
+    found = convert("DPIDE", given_ones, "PID_REG_CE", use_to=Use(stroke_s=60.0))
+    assert "SV that steps by 1 makes Y jump by 150 % in one call" in loss(found, "W-PULSE").text
+
+
 def test_pulses_are_never_exact_and_say_so():
     found = convert("DPIDE", {"Kc_Kp": 2.0, "Ti_Ki": 20.0, "PID_EQ": True}, "PID_REG_CE", use_to=Use(stroke_s=60.0))
     # T_PERIOD = Ti, KP = Kc·Tm/T_PERIOD = 2·60/20, one hundredth of the stroke as the shortest pulse.
