@@ -326,6 +326,7 @@ def _proposal_json(each: Proposal, result: Tuning) -> Json:
         "stable": each.margins.is_stable,
         "setpoint": _quality_json(each.setpoint),
         "load": _quality_json(each.load),
+        "simulated_s": each.pace_s,
         "recorded_iae": iae(result.again[each.name]) if each.name in result.again else None,
     }
 
@@ -364,6 +365,7 @@ def as_text(result: Tuning) -> str:
         f"proposals for {loop.instruction}, dial {result.dial:g}; predicted for SV {loop.sv_step:+g} and a load of "
         f"{loop.load_step:+g} MV at PV {loop.at[0]:.4g}, MV {loop.at[1]:.4g}",
         *_table(result),
+        *(f"  {line}" for line in pace_note(result)),
     ]
     if result.chosen is not None:
         written = ", ".join(f"{name} {shown(value)}" for name, value in result.chosen.settings.items())
@@ -374,6 +376,16 @@ def as_text(result: Tuning) -> str:
     else:
         lines += ["", "recommended: none, no proposal is robust (Ms above 1.7): turn the dial down"]
     return "\n".join(lines)
+
+
+def pace_note(result: Tuning) -> list[str]:
+    """What is to be said where a prediction took longer than CYCLE between two executions."""
+    slower = [each.pace_s for each in result.found if each.pace_s > each.canonical.ts_s * 1.5]
+    if not slower:
+        return []
+    return [
+        f"CYCLE is short beside the process: predicted with an execution every {min(slower):g} to {max(slower):g} s"
+    ]
 
 
 def model_text(identified: Identification) -> str:
@@ -398,18 +410,24 @@ def shown(value: float | int | bool) -> str:
     return f"{value:.5g}" if isinstance(value, float) else str(value)
 
 
-HEADS = ("rule", "gains", "Ms", "GM", "PM", "overshoot", "settling", "IAE SV", "IAE load", "MV travel", "IAE record")
+NUMBERS = ("Ms", "GM", "PM", "over", "settling", "IAE SV", "IAE load", "travel", "record")
+
+
+def heads(result: Tuning) -> list[str]:
+    """Return what stands above `rows`: rule, the loop's gains by the manual's names, and the numbers."""
+    return ["rule", *_gain_names(result), *NUMBERS]
 
 
 def rows(result: Tuning) -> list[list[str]]:
-    """Return one row of text per proposal under `HEADS`, the present settings first."""
+    """Return one row of text per proposal under `heads`, the present settings first."""
+    names = _gain_names(result)
     out = []
-    for each in (*((result.present,) if result.present else ()), *result.found):
+    for each in _all(result):
         again = f"{iae(result.again[each.name]):.4g}" if each.name in result.again else "-"
         out.append(
             [
                 each.name + (" *" if each is result.chosen else ""),
-                " ".join(gains_of(each)),
+                *(f"{each.settings[name]:.4g}" if each.settings.get(name) else "-" for name in names),
                 _short(each.margins.ms),
                 _short(each.margins.gain_margin),
                 f"{each.margins.phase_margin_deg:.0f}°" if math.isfinite(each.margins.phase_margin_deg) else "-",
@@ -424,9 +442,13 @@ def rows(result: Tuning) -> list[list[str]]:
     return out
 
 
-def gains_of(each: Proposal) -> list[str]:
-    """The gains of a proposal in the loop's form, without what is 0."""
-    return [f"{name} {each.settings[name]:.4g}" for name in GAIN_NAMES if each.settings.get(name)]
+def _all(result: Tuning) -> tuple[Proposal, ...]:
+    return (*((result.present,) if result.present else ()), *result.found)
+
+
+def _gain_names(result: Tuning) -> list[str]:
+    """The gains that any of them has, in the blocks' order."""
+    return [name for name in GAIN_NAMES if any(each.settings.get(name) for each in _all(result))]
 
 
 def _short(value: float) -> str:
@@ -434,7 +456,7 @@ def _short(value: float) -> str:
 
 
 def _table(result: Tuning) -> list[str]:
-    table = [list(HEADS), *rows(result)]
+    table = [heads(result), *rows(result)]
     if not result.again:
         table = [row[:-1] for row in table]
     widths = [max(len(cell) for cell in column) for column in zip(*table, strict=True)]

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from ahgateway.apps.pages import figure, framed, svg
-from ahgateway.apps.tune import HEADS, Tuning, compared, comparison_text, iae, model_text, named, rows, shown
+from ahgateway.apps.tune import Tuning, compared, comparison_text, heads, iae, model_text, named, pace_note, rows, shown
 from ahgateway.apps.tune_apply import Verification
 from ahgateway.apps.tune_apply import as_text as verification_text
 from ahgateway.apps.tune_spread import HEADS as SPREAD_HEADS
@@ -33,7 +33,7 @@ BODY = """
 {% for row in proposals %}<tr{% if row[0].endswith("*") %} class="chosen"{% endif %}>
 {% for cell in row %}<td>{{ cell }}</td>{% endfor %}</tr>{% endfor %}</table>
 <p class="muted">Computed from what the registers will hold, with the exact controller (binary32, CYCLE, limits, dead
-band). Ms, GM and PM are those of the sampled loop. IAE in PV·s.</p>
+band). Ms, GM and PM are those of the sampled loop. IAE in PV·s.{% for line in notes %} {{ line }}.{% endfor %}</p>
 {% if chosen %}
 <h2>Recommended: {{ chosen.name }}</h2>
 <table><tr><th>operand</th><th>now</th><th>proposed</th></tr>
@@ -85,7 +85,8 @@ def page(result: Tuning, proof: Verification | None = None, apart: Spread | None
         "white": f"{identified.whiteness.p:.2g}" if identified.whiteness else "-",
         "data_plot": _data(result),
         "proposals": rows(result),
-        "heads": HEADS,
+        "heads": heads(result),
+        "notes": pace_note(result),
         "dial": f"{result.dial:g}",
         "chosen": result.chosen,
     }

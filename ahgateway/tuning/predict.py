@@ -5,6 +5,7 @@ This file alone decides how overshoot, settling and IAE are read off a response.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,7 +44,7 @@ class Quality:
     Attributes:
         overshoot_percent: How far PV passed SV, in % of the step; for a load step how far it fell back beyond SV.
         settling_s: When PV stayed within 2 % of the step (of the largest deviation for a load); inf if it did not.
-        iae: Integral of |SV − PV| in PV·s.
+        iae: Integral of |SV − PV| in PV·s; at least the whole ∫(SV − PV) where the response was cut off too soon.
         peak: Largest |SV − PV| after the step for a load, largest PV deviation past SV for a setpoint.
         travel: Sum of |ΔMV|.
         mv_peak: Largest MV less smallest MV.
@@ -104,34 +105,37 @@ def replayed(runner: Runner, model: Model, trace: Response, moved: Array) -> Res
     return Response(times, trace.sv[held], pvs, mvs)
 
 
-def judge_setpoint(response: Response, at: tuple[float, float]) -> Quality:
-    """Return the numbers of a step of SV from the operating point."""
+def judge_setpoint(response: Response, at: tuple[float, float], whole: float = 0.0) -> Quality:
+    """Return the numbers of a step of SV from the operating point; `whole` is ∫(SV − PV) to the end, in PV·s."""
     step = float(response.sv[-1]) - at[0]
     relative = (response.pv - at[0]) / step
     over = max(0.0, float(np.max(relative)) - 1.0)
-    return _quality(response, at[1], 100.0 * over, np.abs(relative - 1.0) <= SETTLED, over * abs(step))
+    return _quality(response, at[1], 100.0 * over, np.abs(relative - 1.0) <= SETTLED, over * abs(step), whole)
 
 
-def judge_load(response: Response, at: tuple[float, float]) -> Quality:
-    """Return the numbers of a load step at an unchanged SV."""
+def judge_load(response: Response, at: tuple[float, float], whole: float = 0.0) -> Quality:
+    """Return the numbers of a load step at an unchanged SV; `whole` is ∫(SV − PV) to the end, in PV·s."""
     away = response.pv - response.sv
     peak = float(np.max(np.abs(away)))
     first = float(away[int(np.argmax(np.abs(away)))]) or 1.0
     back = max(0.0, -float(np.min(away / first)))
-    return _quality(response, at[1], 100.0 * back, np.abs(away) <= SETTLED * max(peak, 1e-300), peak)
+    return _quality(response, at[1], 100.0 * back, np.abs(away) <= SETTLED * max(peak, 1e-300), peak, whole)
 
 
-def _quality(response: Response, mv0: float, overshoot: float, inside: NDArray[np.bool_], peak: float) -> Quality:
+def _quality(
+    response: Response, mv0: float, overshoot: float, inside: NDArray[np.bool_], peak: float, whole: float
+) -> Quality:
     ts = float(response.t_s[1] - response.t_s[0])
     outside = np.flatnonzero(~inside)
     settled = 0.0 if not outside.size else float(response.t_s[outside[-1]]) + ts
     if outside.size and outside[-1] == inside.size - 1:
         settled = float("inf")
+    iae = float(np.sum(np.abs(response.sv - response.pv)) * ts)
     moves = np.diff(np.concatenate([[mv0], response.mv]))
     return Quality(
         overshoot,
         settled,
-        float(np.sum(np.abs(response.sv - response.pv)) * ts),
+        iae if math.isfinite(settled) else max(iae, abs(whole)),
         peak,
         float(np.sum(np.abs(moves))),
         float(np.ptp(np.concatenate([[mv0], response.mv]))),

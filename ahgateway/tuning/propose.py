@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 from ahgateway.core.dialect import DEFAULT, Dialect
-from ahgateway.tuning.blocks import BLOCKS, Params, Use
+from ahgateway.tuning.blocks import BLOCKS, Block, Params, Use
 from ahgateway.tuning.canonical import Canonical, standard
 from ahgateway.tuning.conversion import rounded
 from ahgateway.tuning.margins import Margins, margins
@@ -23,6 +23,11 @@ from ahgateway.tuning.runner import Runner, at_rest
 FILTER_SHARE = 8.0
 """Tf of a proposal is Td by this: noise is held down, and the phase lost is small."""
 EXECUTIONS_MAX = 4000
+"""Executions of one prediction; where they end before the loop has settled, a multiple of CYCLE is simulated."""
+PACE_MAX = 0.05
+"""Longest such multiple, as a share of the dead time: the loop cannot tell it from CYCLE."""
+TIMES = ("CYCLE", "TS", "ALPHA", "Heat_Cycle", "CycleTime_Value")
+"""Operands that say how often a block is executed, or depend on it."""
 MS_WANTED = 1.7
 """Largest Ms of a proposal that is recommended."""
 GAIN_NAMES = (
@@ -76,6 +81,7 @@ class Proposal:
         load: Prediction after a load step.
         setpoint_trace: The response behind `setpoint`.
         load_trace: The response behind `load`.
+        pace_s: Time between the executions that were simulated, in s; CYCLE where these were enough.
     """
 
     name: str
@@ -87,6 +93,7 @@ class Proposal:
     load: Quality
     setpoint_trace: Response
     load_trace: Response
+    pace_s: float
 
 
 def present(loop: LoopForm) -> Canonical:
@@ -141,22 +148,46 @@ def evaluate(name: str, source: str, wanted: Canonical, model: Model, loop: Loop
         written["ACT"] = int(now["ACT"]) & ~ACT_REVERSE | int(written["ACT"]) & ACT_REVERSE
     full = now | written
     real = block.read(full, Use())
-    length = horizon_s(model, real)
-    run = _runs(loop, full)
+    paced = full | _paced(model, real, block)
+    ts = block.read(paced, Use()).ts_s
+    # A held output acts half a sample late: what a longer sample adds to that is taken off the dead time.
+    late = replace(model, dead_time_s=max(0.0, model.dead_time_s - 0.5 * (ts - real.ts_s)))
+    length = min(horizon_s(model, real), EXECUTIONS_MAX * ts)
+    run = _runs(loop, paced)
     pv = loop.at[0]
-    setpoint = simulate(run(), model, loop.at, pv + loop.sv_step, 0.0, length)
-    load = simulate(run(), model, loop.at, pv, loop.load_step, length)
+    setpoint = simulate(run(), late, loop.at, pv + loop.sv_step, 0.0, length)
+    load = simulate(run(), late, loop.at, pv, loop.load_step, length)
     return Proposal(
         name,
         source,
         {key: value for key, value in written.items() if key in GAIN_NAMES or value != now[key]},
         real,
         margins(model, real),
-        judge_setpoint(setpoint, loop.at),
-        judge_load(load, loop.at),
+        judge_setpoint(setpoint, loop.at, integral_error(model, real, loop.sv_step, 0.0)),
+        judge_load(load, loop.at, integral_error(model, real, 0.0, loop.load_step)),
         setpoint,
         load,
+        ts,
     )
+
+
+def _paced(model: Model, real: Canonical, block: Block) -> Params:
+    """The operands that make a block slow enough to be predicted to its end, and no slower than the loop allows."""
+    wanted = math.ceil(horizon_s(model, real) / (EXECUTIONS_MAX * real.ts_s))
+    times = max(1, min(wanted, int(PACE_MAX * model.dead_time_s / real.ts_s)))
+    slower = block.write(replace(real, ts_s=times * real.ts_s), Use())
+    return {name: value for name, value in slower.items() if name in TIMES} if times > 1 else {}
+
+
+def integral_error(model: Model, settings: Canonical, sv: float, load: float) -> float:
+    """Return ∫(SV − PV) in PV·s after steps of SV in PV and of the load in MV, for a law with I that meets no limit.
+
+    The integral alone brings MV to its new value, and only the error moves it: IE = ΔMV / Ki (Åström and Hägglund).
+    """
+    if settings.ki <= 0.0:
+        return 0.0
+    static = 0.0 if model.kind is Kind.IPDT else 1.0 / abs(model.gain)
+    return ((static + settings.kp * (1.0 - settings.b)) * sv - math.copysign(load, load * model.gain)) / settings.ki
 
 
 def _runs(loop: LoopForm, settings: Mapping[str, float | int | bool]) -> Callable[[], Runner]:
@@ -165,7 +196,7 @@ def _runs(loop: LoopForm, settings: Mapping[str, float | int | bool]) -> Callabl
 
 
 def horizon_s(model: Model, settings: Canonical) -> float:
-    """How long to predict, in s: long enough to settle, but no more than `EXECUTIONS_MAX` executions."""
+    """How long a loop needs to settle, in s; rather too long."""
     ts = settings.ts_s
     slow = 20.0 * (model.dead_time_s + ts) if model.kind is Kind.IPDT else 10.0 * model.slowness_s
     integral = 0.0
@@ -173,7 +204,7 @@ def horizon_s(model: Model, settings: Canonical) -> float:
         # Where the gain is small the loop is I·K alone, with the time constant (1 + K·Kp)/(K·Ki).
         static = 0.0 if model.kind is Kind.IPDT else 1.0 / (abs(model.gain) * settings.ki)
         integral = 5.0 * (settings.ti_s + static)
-    return min(max(slow, 40.0 * ts, 20.0 * model.dead_time_s, integral), EXECUTIONS_MAX * ts)
+    return max(slow, 40.0 * ts, 20.0 * model.dead_time_s, integral)
 
 
 def recommended(found: tuple[Proposal, ...]) -> Proposal | None:

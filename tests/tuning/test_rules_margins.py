@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 from math import inf, pi
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from ahgateway.tuning.canonical import standard
+from ahgateway.tuning.canonical import Canonical, standard
 from ahgateway.tuning.margins import margins
 from ahgateway.tuning.models import Kind, Model
 from ahgateway.tuning.predict import judge_load, judge_setpoint, simulate
@@ -148,3 +150,41 @@ def test_proposals_hold_what_registers_can_hold_and_the_right_direction():
     best = recommended(found)
     assert best.margins.ms <= 1.7
     assert best.load.iae == min(each.load.iae for each in found if each.margins.ms <= 1.7)
+
+
+def some(model, cycle, *names):
+    loop = LoopForm("DPIDE", {"CYCLE": cycle}, (50.0, 40.0), 1.0, 1.0)
+    return proposals(model, loop, rules=tuple(BY_NAME[name] for name in names))
+
+
+def test_a_short_cycle_is_predicted_to_the_end_of_what_the_loop_does():
+    """5 ms beside a lag of 300 s: 4000 executions are 20 s, less than the dead time."""
+    model, names = Model(Kind.FOPDT, 1.0, 30.0, 300.0), ("SIMC PI", "AMIGO PID")
+    quick, slow = some(model, 5, *names), some(model, 1000, *names)
+    for one, other in zip(quick, slow, strict=True):
+        assert (one.setpoint.iae, one.load.iae) == pytest.approx((other.setpoint.iae, other.load.iae), rel=0.04)
+        assert one.load.settling_s == pytest.approx(other.load.settling_s, rel=0.04)
+        assert 0.005 == pytest.approx(one.canonical.ts_s)
+        assert one.pace_s <= 0.05 * 30.0
+    assert "AMIGO PID" == recommended(quick).name
+
+
+def test_an_iae_that_was_cut_off_counts_the_rest_of_the_integral():
+    """Ti 100 s, Kc 1/9, K 1: a load of 1 has ∫(SV − PV) = −900 PV·s, of SV 900; 4000 executions see a part of it."""
+    (found,) = some(Model(Kind.FOPDT, 1.0, 0.1, 300.0), 5, "lambda PI")
+    whole = (300.0 * 3.0 + 0.1025) / 1.0
+    assert not np.isfinite(found.load.settling_s)
+    assert (whole, whole) == pytest.approx((found.load.iae, found.setpoint.iae), rel=1e-3)
+
+
+def test_margins_are_those_that_another_program_finds():
+    """python-control 0.10.2: zero-order hold, whole dead time, the law in z, 200 000 frequencies up to π/Ts."""
+    cases = json.loads((Path(__file__).parent.parent / "golden" / "margins.json").read_text(encoding="utf-8"))
+    for each in cases:
+        model = Model(Kind(each["kind"]), each["K"], each["theta"], each["tau"], each["zeta"])
+        law = Canonical(each["kp"], each["ki"], each["kd"], each["tf"], ts_s=each["ts"])
+        found = margins(model, law)
+        assert (each["ms"], each["gm"], each["pm"]) == pytest.approx(
+            (found.ms, found.gain_margin, found.phase_margin_deg), rel=1e-3
+        ), each["name"]
+        assert found.is_stable
