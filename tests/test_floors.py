@@ -74,3 +74,10 @@ def test_a_command_s_help_loads_nothing_heavy_of_ours(command: str) -> None:
 def test_the_core_alone_loads_no_wire_and_no_clock() -> None:
     done = python("-c", "import ahgateway.core.controllers, sys; print(*{n.partition('.')[0] for n in sys.modules})")
     assert set() == {"pymodbus", "serial", "can", "canopen", "pydantic", "typer", "asyncio"} & set(done.stdout.split())
+
+
+def test_what_follows_a_loop_loads_nothing_that_fits_models() -> None:
+    """A model is fitted after minutes, beside the run; scipy's parts take a second to load."""
+    done = python("-c", "import ahgateway.apps.board, sys; print(*sys.modules)")
+    assert "ahgateway.tuning.fit" in done.stdout.split()
+    assert set() == {"scipy.stats", "scipy.signal", "scipy.optimize"} & set(done.stdout.split())

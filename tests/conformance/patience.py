@@ -58,3 +58,10 @@ class PatientClock(WallClock):
 
     def utc_ns(self) -> int:
         return self._offset_ns + self.now_ns()
+
+
+class PatientPolicy(asyncio.DefaultEventLoopPolicy):
+    """Makes such loops where a program starts its own."""
+
+    def new_event_loop(self) -> asyncio.AbstractEventLoop:
+        return PatientLoop()

@@ -46,7 +46,7 @@ def followed(*arguments: str | Path, enough: Callable[[list[dict[str, Any]]], bo
 
     No time is waited for: how much is seen in a second is a matter of how busy the machine is.
     """
-    command = [*AHGATEWAY, "monitor", *map(str, arguments), "--duration", "300", "--output", "json"]
+    command = [*AHGATEWAY, "monitor", *map(str, arguments), "--duration", "200", "--output", "json"]
     lines: list[dict[str, Any]] = []
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None

@@ -10,6 +10,9 @@ from pathlib import Path
 
 import pytest
 from conformance.peers import AHGATEWAY, followed, plc_process, verdicts
+from typer.testing import CliRunner
+
+from ahgateway.cli.main import app
 
 pytestmark = pytest.mark.slow
 
@@ -25,11 +28,14 @@ def fake_plc() -> Iterator[str]:
         yield target
 
 
-def test_demo_finds_exactly_the_planted_fault_and_its_recording_comes_to_the_same_verdicts(tmp_path: Path) -> None:
+def test_demo_finds_exactly_the_planted_fault_and_its_recording_comes_to_the_same_verdicts(
+    patient_machine: None, tmp_path: Path
+) -> None:
+    """Both ends are in one process: a busy machine makes it longer, not thinner."""
     path = tmp_path / "demo.ahrec"
-    done = run("demo", "--record", str(path))
+    done = CliRunner().invoke(app, ["demo", "--record", str(path)])
 
-    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.exit_code == 0, done.stdout + done.stderr
     convicted = next(line for line in done.stdout.splitlines() if "DIVERGED:" in line)
     for part in ("TIC-101", "P plc", "ref", "(0x", "cause gain (AHG251): Kc_Kp acts as 2.0", "+1.0"):
         assert part in convicted

@@ -1,4 +1,4 @@
-"""A live run recorded and followed again as a target, on the wall clock as a user would."""
+"""A live run recorded and followed again as a target, in real time as a user would."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ def typed(*words: object) -> str:
 
 
 @pytest.mark.slow
-def test_monitor_follows_a_recording_as_a_target(tmp_path: Path) -> None:
+def test_monitor_follows_a_recording_as_a_target(patient_machine: None, tmp_path: Path) -> None:
     first = tmp_path / "first.ahrec"
-    done = RUNNER.invoke(app, ["monitor", "demo", "--duration", "3", "--record", str(first), "--record-frames"])
+    done = RUNNER.invoke(app, ["monitor", "demo", "--duration", "0.4", "--record", str(first), "--record-frames"])
     assert "recorded" in done.stderr
     info = json.loads(typed("info", first, "--output", "json"))
     assert 0 < info["rows"]

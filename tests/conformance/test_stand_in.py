@@ -67,7 +67,7 @@ def test_a_stranger_s_dialect_is_learned_and_then_proves_it(
     tmp_path: Path, options: list[str], axis: str, value: str
 ) -> None:
     with stand_in(tmp_path, *options) as profile:
-        code, _ = run("identify", profile, "--duration", "8", "--save", profile)
+        code, _ = run("identify", profile, "--duration", "5", "--save", profile)
         assert 0 == code
         assert f'{axis} = "{value}"' in profile.read_text()
 

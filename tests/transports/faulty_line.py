@@ -33,6 +33,7 @@ PAUSE_NS = 2 * MILLISECOND
 FAULT_RATE = 0.4
 EXCHANGES = (2, 14)
 """Fewest and most exchanges on the bad line; how many is the seed's choice."""
+SOUND = Script((), 0)
 TURNS_MAX = 500
 """An exchange that needs more is one that never ends."""
 
@@ -100,7 +101,7 @@ class History:
     def run(self) -> list[Outcome]:
         """Return the outcomes of some exchanges on the bad line and of at least one on the good line after it."""
         outcomes = [self.exchange() for _ in range(self.random.randint(*EXCHANGES))]
-        self.faulty.script = Script((), 0)
+        self.faulty.script = SOUND
         for _ in range(200):
             outcomes.append(self.exchange())
             if outcomes[-1].reply is not None:
