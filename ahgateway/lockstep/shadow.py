@@ -38,6 +38,9 @@ ADVANCED_MAX = 512
 SETTLED_ULP = 1 << 16
 """A bound this narrow is as good as one state when it comes to causes; a fresh one spans all REALs."""
 
+NOTHING = 2.0**-32
+"""A content that is known to this share of MV is known, whatever gain it comes out with."""
+
 UNBOUNDED = 1e20
 """No loop holds such a value."""
 
@@ -158,7 +161,12 @@ def is_settled(bound: Bound) -> bool:
     attr = open_attr(bound)
     if attr is None:
         return True
-    return order(getattr(bound.high, attr)) - order(getattr(bound.low, attr)) <= SETTLED_ULP
+    low, high = getattr(bound.low, attr), getattr(bound.high, attr)
+    if order(high) - order(low) <= SETTLED_ULP:
+        return True
+    # About 0 there are more REALs than anywhere, and all of them together move no bit of MV.
+    size = max(abs(float(bound.low.mv)), abs(float(bound.low.i)))
+    return attr == "d" and abs(float(high) - float(low)) <= NOTHING * size
 
 
 def open_terms(low: Any, high: Any) -> tuple[str, ...]:
