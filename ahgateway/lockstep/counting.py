@@ -203,6 +203,8 @@ def _fresh(loop: Loop, shadow: Shadow, before: Picture, after: Picture) -> Shado
     if any(bound.low.man1 or not bound.low.valid for bound in shadow) or not is_plain(loop, (before, after)):
         return fresh
     dialect = loop.dialect
+    if not hasattr(after.inputs, "tf"):
+        return fresh
     if dialect.integral_used or dialect.filter_content == FilterContent.INPUT:
         # There the last execution alone does not give D away: it takes what the one before it left.
         last = _just_before(loop, before, after)

@@ -44,6 +44,9 @@ NOTHING = 2.0**-32
 UNBOUNDED = 1e20
 """No loop holds such a value."""
 
+MISSED_WORD = 1 << 40
+"""Missing one word more weighs heavier than missing others by whatever."""
+
 CHANGED_MAX = 4
 """Up to this many operands changed in one interval, every order of their writes and the execution is tried."""
 
@@ -403,7 +406,7 @@ def distance(names: Iterable[str], left: Mapping[str, REAL], right: Mapping[str,
     total = 0
     for name in names:
         if not same_bits(left[name], right[name]):
-            total += 1 << 40
+            total += MISSED_WORD
             total += min(abs(order(left[name]) - order(right[name])), 1 << 33)
     return total
 
@@ -533,7 +536,8 @@ def lingered(loop: Loop, shadow: Shadow, before: Picture, after: Picture, execut
         if not front:
             break
         bounds.extend(front)
-    return merged(bounds)
+    # Nothing new: what stood apart stays apart.
+    return shadow if len(bounds) == len(shadow) else merged(bounds)
 
 
 def restarted(shadow: Shadow) -> Shadow:
