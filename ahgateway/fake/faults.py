@@ -18,7 +18,7 @@ from ahgateway.core import flags as flag
 from ahgateway.core.controllers import Controller
 from ahgateway.core.controllers import delta_terms as terms_of
 from ahgateway.core.controllers.delta import gain, limit
-from ahgateway.core.dialect import IntegralUsed, SumOrder
+from ahgateway.core.dialect import DerivativeOf, IntegralUsed, SumOrder
 from ahgateway.core.real import REAL
 from ahgateway.errors import StateError
 
@@ -142,11 +142,8 @@ def _derivative_of_the_other(step: Step) -> Step:
     def wrong(inputs: Any, state: Any, dialect: Any, ts: REAL) -> tuple[Any, Any]:
         if hasattr(inputs, "pid_de"):
             return step(inputs._replace(pid_de=not inputs.pid_de), state, dialect, ts)
-        # DPID differentiates E - E1: an E1 as far from E as PV has moved makes it the derivative of PV.
-        _, terms = step(inputs, state, dialect, ts)
-        moved = inputs.pv - state.pv1
-        e1 = terms.e + moved if inputs.pid_dir else terms.e - moved
-        return step(inputs, state._replace(e1=e1), dialect, ts)
+        of_pv = dialect.derivative_of == DerivativeOf.PV
+        return step(inputs, state, dialect._replace(derivative_of=DerivativeOf.ERROR if of_pv else DerivativeOf.PV), ts)
 
     return wrong
 

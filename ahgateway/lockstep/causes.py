@@ -45,6 +45,9 @@ ROUNDED_ULP = 8
 
 PAIRS_MAX = 12
 
+FORM_BITS = {"pid_dir": 1, "pid_eq": 2, "pid_de": 4}
+"""Of what Delta's instructions remember of the execution before; see `dpide.form_of`."""
+
 UNLIMITED = REAL(1e30)
 """Limits this wide never freeze an integral."""
 
@@ -135,11 +138,15 @@ class _Case:
         self.run(dialect=noticing)
         return frozenset(noticing.read)
 
-    def holds(self, twist: Twist) -> bool:
-        """Tell whether the law with this in it leaves what the PLC wrote, from a state that may be open."""
+    def holds(self, twist: Twist, form: int = 0) -> bool:
+        """Tell whether the law with this in it leaves what the PLC wrote, from a state that may be open.
+
+        With `form`, bits of the form in which the execution before is remembered, those were misread too.
+        """
         other = twist(self.loop)
         if is_settled(self.fit.before):
             state = self.fit.before.low
+            state = state._replace(form1=state.form1 ^ form) if form else state
             with quiet(all="ignore"):
                 for read in (*self.fit.lead, self.fit.inputs):
                     state, terms = other.controller.step(read, state, other.dialect, self.span(read, other.dialect))
@@ -251,7 +258,8 @@ def _other_modes(case: _Case) -> list[Suspect]:
         if not hasattr(case.fit.inputs, attr) or not case.asks(cause, attr.upper()):
             continue
         value = not getattr(case.fit.inputs, attr)
-        if case.holds(flipped(attr)):
+        form = FORM_BITS.get(attr, 0) if hasattr(case.fit.before.low, "form1") else 0
+        if case.holds(flipped(attr)) or (form and case.holds(flipped(attr), form)):
             filled = {"pid_man": "manual" if value else "automatic", "pid_de": "PV" if value else "E"}
             found.append(Suspect(cause, what.format(filled.get(attr, "")), attr.upper(), twist=flipped(attr)))
     return found

@@ -20,7 +20,7 @@ from typing import Any
 from ahgateway.clock import SECOND
 from ahgateway.codec.station import Loop
 from ahgateway.core.controllers.delta_terms import ticks_per_second
-from ahgateway.core.dialect import Freeze, Integrator
+from ahgateway.core.dialect import FilterContent, Freeze, Integrator
 from ahgateway.core.real import REAL, quiet, same_bits
 from ahgateway.core.verdict import Verdict
 from ahgateway.lockstep.anchor import anchored
@@ -199,9 +199,28 @@ def _is_pinned(only: _Count, before: Picture, after: Picture) -> bool:
 
 def _fresh(loop: Loop, shadow: Shadow, before: Picture, after: Picture) -> Shadow:
     """Start anew behind executions that were not explained; behind a plain one MV itself bounds D's filter."""
+    fresh = recalled(loop, (after.inputs, before.inputs), after.seen)
     if any(bound.low.man1 or not bound.low.valid for bound in shadow) or not is_plain(loop, (before, after)):
-        return recalled(loop, (after.inputs, before.inputs), after.seen)
+        return fresh
+    dialect = loop.dialect
+    if not hasattr(after.inputs, "tf"):
+        return fresh
+    if dialect.integral_used or dialect.filter_content == FilterContent.INPUT:
+        # There the last execution alone does not give D away: it takes what the one before it left.
+        last = _just_before(loop, before, after)
+        return fresh if last is None else anchored(loop, last, after)
     return anchored(loop, before, after)
+
+
+def _just_before(loop: Loop, before: Picture, after: Picture) -> Picture | None:
+    """The picture that there would have been just before the last execution, where nothing but the integral moved."""
+    states = recalled(loop, (after.inputs,), after.seen)
+    is_moved = not is_known(loop, before, after) or loop.dialect.integrator == Integrator.DVP
+    if is_moved or ticks_per_second(loop.dialect) or not states:
+        return None
+    wide = after.inputs._replace(mv_max=UNLIMITED, mv_min=-UNLIMITED)
+    step = _path(loop, wide, states[0].low._replace(d=REAL(0)), (after.inputs.pv,))[0]
+    return replace(before, seen={**before.seen, "I_MV": REAL(float(after.seen["I_MV"]) - step)})
 
 
 def explains(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) -> bool:

@@ -19,11 +19,12 @@ from typing import Any
 from ahgateway.codec.station import Loop
 from ahgateway.core.real import REAL
 from ahgateway.core.verdict import Verdict, Weight
-from ahgateway.lockstep.causes import sized_again
+from ahgateway.lockstep.causes import FORM_BITS, sized_again
 from ahgateway.lockstep.counting import is_known, led, reproduced
 from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import (
+    Bound,
     Fit,
     Shadow,
     explain,
@@ -69,6 +70,9 @@ CLOCK = "ts_source = "
 ROUNDING_RATIO = 1e-3
 """A factor nearer to 1 than this is not told from rounding where last bits alone differ."""
 
+RATIO_NEAR = 1e-4
+"""Two factors this near are one: the memory of the filter is not known better."""
+
 GRID = 2.0**-23
 """A factor lies between two REALs of the operand; two of its intervals may miss by one."""
 
@@ -101,7 +105,11 @@ class Rival:
                 each.after for each in reproduced(self._loop, (fit.before,), before, after, most)
             )
             return
-        found = explain(self._loop, (fit.before,), [fit.inputs], after.seen, judged_names(loop))
+        for form in (0, *FORM_BITS.values()) if hasattr(fit.before.low, "form1") else (0,):
+            start = Bound(*(end._replace(form1=end.form1 ^ form) if form else end for end in fit.before))
+            found = explain(self._loop, (start,), [fit.inputs], after.seen, judged_names(loop))
+            if found.fits:
+                break
         nearest = found.fits[0] if found.fits else found.nearest
         self._shadow = () if nearest is None else patched(self._loop, nearest, after.seen)
 
@@ -313,9 +321,11 @@ def _common(known: Suspect, fresh: Suspect) -> Suspect | None:
     if not is_empty and old.is_exact != new.is_exact:
         return known if old.is_exact else fresh
     if is_empty:
-        # Two that are only fitted overlap but for the rounding of the fit.
+        # They miss by the rounding of a fit, or by what an earlier, coarser size has left in D's filter.
+        if abs(known.ratio - fresh.ratio) > RATIO_NEAR:
+            return None
         is_fitted = not (old.is_exact and new.is_exact)
-        return known if is_fitted and abs(known.ratio - fresh.ratio) <= 1e-4 else None
+        return known if is_fitted else _within(known, fresh)
     ratio = (low + high) / 2.0
     held = new.value / fresh.ratio
     value, smallest, largest = (float(REAL(held * each)) for each in (ratio, low, high))
@@ -327,6 +337,15 @@ def _common(known: Suspect, fresh: Suspect) -> Suspect | None:
         evidence = f"{fresh.operand} acts as {estimate.text()}, its register holds {held:.7g} ({ratio - 1:+.3%})"
         twist = scaled(_attr(fresh.operand), ratio)
     return replace(fresh, evidence=evidence, ratio=ratio, estimate=estimate, twist=twist)
+
+
+def _within(known: Suspect, fresh: Suspect) -> Suspect:
+    """The fresh one, with an interval that holds both and is no longer claimed by bits."""
+    assert fresh.estimate is not None
+    held = fresh.estimate.value / fresh.ratio
+    (left, right), (low, high) = _factors(known), _factors(fresh)
+    smallest, largest = (float(REAL(held * each)) for each in (min(left, low), max(right, high)))
+    return replace(fresh, estimate=replace(fresh.estimate, low=smallest, high=largest, is_exact=False))
 
 
 def _factors(suspect: Suspect) -> tuple[float, float]:

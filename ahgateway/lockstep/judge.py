@@ -15,9 +15,10 @@ from ahgateway.core import flags as flag
 from ahgateway.core.compare import compare, weakest
 from ahgateway.core.real import REAL, same_bits
 from ahgateway.core.verdict import Proof, Verdict, Weight
-from ahgateway.lockstep.causes import blame
+from ahgateway.lockstep.causes import blame_any
 from ahgateway.lockstep.picture import Picture, predicted
 from ahgateway.lockstep.shadow import (
+    MISSED_WORD,
     Explanation,
     Fit,
     Shadow,
@@ -29,11 +30,15 @@ from ahgateway.lockstep.shadow import (
     merged,
     patched,
     recalled,
+    state_key,
     without_pv,
 )
 from ahgateway.lockstep.suspects import Blame, Suspect, agreeing
 
 TRIVIAL_FLAGS = flag.MANUAL | flag.STOPPED | flag.BAD_INPUT | flag.AUTOTUNE | flag.FREEZE_HI | flag.FREEZE_LO
+
+KNOWN_MAX = 2
+"""From so many states that are known causes are tried."""
 
 SEEDING = "the first execution seen shows what the instruction remembers; judging starts with the next"
 OPEN_STATE = "what the instruction remembers but does not show is not settled yet"
@@ -130,10 +135,9 @@ def judge(
         return Execution(Verdict.UNOBSERVABLE, reason=SEVERAL, inputs=after.inputs, count=executions_max), _fresh(
             loop, before, after
         )
-    nearest = _nearest_known(loop, shadow, variants, after, names) or found.nearest
-    execution = Execution(
-        Verdict.DIVERGED, terms=nearest.terms, inputs=nearest.inputs, blame=blame(loop, nearest, before, after)
-    )
+    blamed = _blamed(loop, _nearest(loop, shadow, variants, after, names), before, after, suspects)
+    nearest: Fit = blamed.fit
+    execution = Execution(Verdict.DIVERGED, terms=nearest.terms, inputs=nearest.inputs, blame=blamed)
     return execution, (*patched(loop, nearest, after.seen), *_fresh(loop, before, after))
 
 
@@ -142,12 +146,31 @@ def _fresh(loop: Loop, before: Picture, after: Picture) -> Shadow:
     return recalled(loop, (after.inputs,) if after.is_exact else (after.inputs, before.inputs), after.seen)
 
 
-def _nearest_known(
-    loop: Loop, shadow: Shadow, variants: list[Any], after: Picture, names: tuple[str, ...]
-) -> Fit | None:
-    """Where it came closest from a state that is known: causes are tried there, what is open would bend to any."""
-    settled = tuple(bound for bound in shadow if is_settled(bound))
-    return explain(loop, settled, variants, after.seen, names).nearest if settled else None
+def _blamed(loop: Loop, fits: list[Fit], before: Picture, after: Picture, suspects: tuple[Suspect, ...]) -> Blame:
+    """Ask for everything, but where the law that is suspected most explains this one too, for that alone."""
+    if suspects and suspects[0].twist is not None:
+        known = blame_any(loop, fits, before, after, suspects[:1])
+        kept = agreeing(suspects[:1], known.suspects)
+        if kept:
+            return replace(known, suspects=kept)
+    return blame_any(loop, fits, before, after)
+
+
+def _nearest(loop: Loop, shadow: Shadow, variants: list[Any], after: Picture, names: tuple[str, ...]) -> list[Fit]:
+    """Where it came closest, from each state that is known and with each set of inputs: there causes are tried.
+
+    What is open would bend to any cause, and is taken only where nothing is known.
+    """
+    starts = [(bound,) for bound in shadow if is_settled(bound)][:KNOWN_MAX] or [shadow]
+    found = [explain(loop, start, [read], after.seen, names) for start in starts for read in variants]
+    found.sort(key=lambda each: each.distance)
+    # One that misses more words than the best is no likely reading.
+    reach = found[0].distance + MISSED_WORD
+    near = [each.nearest for each in found if each.nearest is not None and each.distance < reach]
+    # Orders of a write that come to the same, or one state from two bounds, are asked once.
+    return list({(state_key(fit.before.low), state_key(fit.inputs)): fit for fit in reversed(near)}.values())[
+        -KNOWN_MAX:
+    ][::-1]
 
 
 def _same_fault(
@@ -163,12 +186,13 @@ def _same_fault(
     found = explain(loop, settled, variants, after.seen, judged_names(loop))
     if found.fits or found.nearest is None:
         return None
-    blamed = blame(loop, found.nearest, before, after, suspects)
+    fits = _nearest(loop, settled, variants, after, judged_names(loop))
+    blamed = blame_any(loop, fits, before, after, suspects)
     kept = agreeing(suspects, blamed.suspects)
     if not kept:
         return None
-    terms, inputs = found.nearest.terms, found.nearest.inputs
-    return Execution(Verdict.DIVERGED, terms=terms, inputs=inputs, blame=replace(blamed, suspects=kept)), found.nearest
+    fit: Fit = blamed.fit
+    return Execution(Verdict.DIVERGED, terms=fit.terms, inputs=fit.inputs, blame=replace(blamed, suspects=kept)), fit
 
 
 def _agreed(

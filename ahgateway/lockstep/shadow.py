@@ -38,8 +38,14 @@ ADVANCED_MAX = 512
 SETTLED_ULP = 1 << 16
 """A bound this narrow is as good as one state when it comes to causes; a fresh one spans all REALs."""
 
+NOTHING = 2.0**-32
+"""A content that is known to this share of MV is known, whatever gain it comes out with."""
+
 UNBOUNDED = 1e20
 """No loop holds such a value."""
+
+MISSED_WORD = 1 << 40
+"""Missing one word more weighs heavier than missing others by whatever."""
 
 CHANGED_MAX = 4
 """Up to this many operands changed in one interval, every order of their writes and the execution is tried."""
@@ -158,7 +164,12 @@ def is_settled(bound: Bound) -> bool:
     attr = open_attr(bound)
     if attr is None:
         return True
-    return order(getattr(bound.high, attr)) - order(getattr(bound.low, attr)) <= SETTLED_ULP
+    low, high = getattr(bound.low, attr), getattr(bound.high, attr)
+    if order(high) - order(low) <= SETTLED_ULP:
+        return True
+    # About 0 there are more REALs than anywhere, and all of them together move no bit of MV.
+    size = max(abs(float(bound.low.mv)), abs(float(bound.low.i)))
+    return attr == "d" and abs(float(high) - float(low)) <= NOTHING * size
 
 
 def open_terms(low: Any, high: Any) -> tuple[str, ...]:
@@ -395,7 +406,7 @@ def distance(names: Iterable[str], left: Mapping[str, REAL], right: Mapping[str,
     total = 0
     for name in names:
         if not same_bits(left[name], right[name]):
-            total += 1 << 40
+            total += MISSED_WORD
             total += min(abs(order(left[name]) - order(right[name])), 1 << 33)
     return total
 
@@ -525,7 +536,8 @@ def lingered(loop: Loop, shadow: Shadow, before: Picture, after: Picture, execut
         if not front:
             break
         bounds.extend(front)
-    return merged(bounds)
+    # Nothing new: what stood apart stays apart.
+    return shadow if len(bounds) == len(shadow) else merged(bounds)
 
 
 def restarted(shadow: Shadow) -> Shadow:

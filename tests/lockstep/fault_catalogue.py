@@ -6,6 +6,7 @@ Whether a fault changed a bit is read from the PLC's own log: its executions are
 from __future__ import annotations
 
 import random
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -67,6 +68,8 @@ TRUTH: dict[str, tuple[str, ...]] = {
 }
 """Fault to the causes that are true of it; those of the same published class count as right."""
 
+Words = tuple[int, ...]
+
 CASES = [(name, law) for name, fault in FAULTS.items() for law in sorted(fault.controllers) if not fault.is_pv_late]
 
 
@@ -76,12 +79,15 @@ class Trial:
 
     Attributes:
         changed: Executions whose bits the fault changed.
+        seen: Those of them whose words were looked at, and that changed a word: polling cannot tell one that changes
+            none from no execution, of which it reports `no-execution`.
         convicted: Executions that diverged.
         false: Executions that diverged before the fault.
         suspects: What the loop is suspected of in the end.
     """
 
     changed: int
+    seen: int
     convicted: int
     false: int
     suspects: tuple[Suspect, ...]
@@ -130,20 +136,24 @@ async def go_wrong(world: World, name: str) -> Trial:
     for poll, operand, value in STIR.get(name, [(10, "SV", 55.0), (120, "SV", 47.0)]):
         stir[max(poll // looks, max(stir, default=-1) + 1)] = (operand, value)
     first, stood, diverged = "", 0, false
+    looks_seen = set()
     for poll in range(WRONG // looks):
         if poll in stir:
             # At any moment between two looks, as operators do.
             moment = world.plc.now_ns + chance.randrange(world.poll_ns)
             world.plc.at(moment, partial(_write, *stir[poll]))
         await world.poll()
+        looks_seen.add(_words(world.follower.picture.seen))  # type: ignore[union-attr]
         if world.follower.counts.diverged > diverged:
             now = label(world.follower.suspects[0])
             stood = stood + 1 if now == first else 1
             first, diverged = now, world.follower.counts.diverged
         if stood >= STOOD:
             break
-    changed = _changed(world, world.plc.executed("L1") - before)
-    return Trial(changed, world.follower.counts.diverged - false, false, world.follower.suspects)
+    wrong = _wrong(world, world.plc.executed("L1") - before)
+    seen = [words for words, is_new in wrong if world.loop.way is not Way.POLLED or (is_new and words in looks_seen)]
+    convicted = world.follower.counts.diverged - false
+    return Trial(len(wrong), len(seen), convicted, false, world.follower.suspects)
 
 
 async def tried(name: str, law: str, dialect: int, seed: int, way: Way = Way.POLLED) -> Trial:
@@ -168,12 +178,18 @@ def looks_of(world: World) -> int:
     return 1 if world.loop.way is Way.POLLED and world.poll_ns < 100_000_000 else LOOKS
 
 
-def _changed(world: World, executions: int) -> int:
-    """Of the last so many executions, those whose words the right law does not leave."""
-    law, count = world.loop.controller, 0
+def _wrong(world: World, executions: int) -> list[tuple[Words, bool]]:
+    """Of the last so many executions, those whose words the right law does not leave; and whether they changed any."""
+    law, found, last = world.loop.controller, [], None
     for entry in list(world.plc.log("L1"))[-executions:]:
         with quiet(all="ignore"):
             state, terms = law.step(entry.inputs, entry.before, world.loop.dialect, entry.ts)
-        right = {name: bits(value) for name, value in predicted(law, state, terms).items()}
-        count += right != {name: bits(value) for name, value in predicted(law, entry.state, entry.terms).items()}
-    return count
+        words = _words(predicted(law, entry.state, entry.terms))
+        if words != _words(predicted(law, state, terms)):
+            found.append((words, words != last))
+        last = words
+    return found
+
+
+def _words(seen: Mapping[str, Any]) -> Words:
+    return tuple(bits(seen[name]) for name in sorted(seen))
