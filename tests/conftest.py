@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import pytest
 from hypothesis import HealthCheck, settings
 
+from ahgateway.cli.compiled_laws import keep_compiled
 from ahgateway.clock import VirtualClock
 from ahgateway.core.real import quiet
 
@@ -35,6 +36,12 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 def state_elsewhere(tmp_path_factory: pytest.TempPathFactory) -> None:
     """What programs keep between runs is not this user's; subprocesses inherit it."""
     os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("state"))
+
+
+@pytest.fixture(autouse=True, scope="session")
+def laws_compiled_once() -> None:
+    """A law is compiled once for each version of its source, as for a user: it takes half a minute."""
+    keep_compiled()
 
 
 @pytest.fixture

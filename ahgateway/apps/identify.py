@@ -5,16 +5,36 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 from ahgateway.apps.monitor import Report, Sample
 from ahgateway.codec.station import Loop, Station
 from ahgateway.core.controllers.block_axes import axes_of
 from ahgateway.core.dialect import PvWord
 from ahgateway.core.verdict import Exit
+from ahgateway.lockstep import moments, restarts, written_back
 from ahgateway.lockstep.identify import Identification, identify, observed
 from ahgateway.lockstep.identify_calls import identify_calls
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.words import Followed, followed, pv_placed
+
+
+class Open(NamedTuple):
+    """An axis that is left open.
+
+    Attributes:
+        axis: Its name.
+        group: Part of the law that it belongs to, as in `dialect_axes`.
+        values: What is left, as a profile spells it.
+        is_narrowed: The trace excluded some of its values, so that the loop as it runs depends on it.
+        excitation: What an operator can do to tell them apart.
+    """
+
+    axis: str
+    group: str
+    values: tuple[str, ...]
+    is_narrowed: bool
+    excitation: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,14 +82,21 @@ class Learned:
         """How a profile spells a value."""
         return self.loop.controller.axes[axis](value).name.lower()
 
-    def open(self) -> list[tuple[str, list[str], str]]:
-        """Axes left open: name, values that remain, and what an operator can do to tell them apart."""
-        decided = self.found.decided()
-        return [
-            (axis.name, [self._spelled(axis.name, value) for value in self.found.values[axis.name]], axis.excitation)
+    def open(self) -> list[Open]:
+        """Axes left open, those first of which the trace excluded some value."""
+        decided = self.found.decided().keys() | self.decided().keys()
+        found = [
+            Open(
+                axis.name,
+                axis.group,
+                tuple(self._spelled(axis.name, value) for value in self.found.values[axis.name]),
+                len(self.found.values[axis.name]) < len(self.loop.controller.axes[axis.name]),
+                axis.excitation,
+            )
             for axis in self.found.open_axes(self.loop.controller.name)
-            if axis.name not in decided and axis.name not in self.decided()
+            if axis.name not in decided
         ]
+        return sorted(found, key=lambda each: not each.is_narrowed)
 
 
 def collected(reports: Iterable[Report]) -> dict[str, list[Picture]]:
@@ -94,4 +121,17 @@ def _learned(loop: Loop, pictures: list[Picture]) -> Learned:
     # What the profile says of that word may be another firmware's.
     loop = replace(loop, dialect=loop.dialect._replace(pv_word=PvWord.MANUAL))
     placed, shown = pv_placed(loop, pictures)
-    return Learned(placed, identify(placed, observed(shown, placed)), len(pictures), followed(placed, shown))
+    found = _narrowed(placed, identify(placed, observed(shown, placed)), shown)
+    return Learned(placed, found, len(pictures), followed(placed, shown))
+
+
+def _narrowed(loop: Loop, found: Identification, pictures: list[Picture]) -> Identification:
+    """What is left when the times of the pictures have spoken too, and the executions behind a standstill."""
+    if not found.is_named or found.is_crowded:
+        return found
+    gone = moments.fallen(loop, pictures) | written_back.fallen(loop, pictures)
+    gone |= restarts.fallen(loop, pictures, found.survivors, found.values["first_history"])
+    values = {
+        name: tuple(each for each in left if each not in gone.get(name, ())) for name, left in found.values.items()
+    }
+    return replace(found, values={name: left or found.values[name] for name, left in values.items()})

@@ -14,7 +14,7 @@ from ahgateway.cli.tape import Keep, Record, Recorded, RecordFrames, RollHours, 
 from ahgateway.cli.view import Output
 
 if TYPE_CHECKING:
-    from ahgateway.apps.identify import Learned
+    from ahgateway.apps.identify import Learned, Open
     from ahgateway.codec.station import Station
     from ahgateway.lockstep.picture import Picture
 
@@ -55,8 +55,10 @@ def identify(
         tape = Recorded(record, record_frames, roll_mb, roll_hours, keep)
         station, pictures = _live(source, target, duration, tape)
     from ahgateway.apps.identify import learn
+    from ahgateway.cli.compiled_laws import keep_compiled
     from ahgateway.core.verdict import Exit
 
+    keep_compiled()
     results = learn(station, pictures, loop or ())
     for each in results:
         typer.echo(json.dumps(_object(each)) if output is Output.JSON else _text(each))
@@ -130,7 +132,10 @@ def _object(each: Learned) -> dict[str, Any]:
         "cut": found.is_cut,
         "exit": each.exit.name.lower(),
         "decided": each.decided() if found.is_named else {},
-        "open": [{"axis": name, "values": values, "try": tip} for name, values, tip in each.open()],
+        "open": [
+            {"axis": one.axis, "values": list(one.values), "try": one.excitation, "narrowed": one.is_narrowed}
+            for one in each.open()
+        ],
         "words": [
             {"dword": word.dword, "follows": word.quantity, "agreed": word.agreed, "changes": word.changes}
             for word in each.words
@@ -167,10 +172,37 @@ def _text(each: Learned) -> str:
     ]
     if found.is_cut:
         lines.append(f"  the search ran out of steps behind {found.executions} executions{_about_filter(each)}")
-    if each.open():
-        lines.append("  open:")
-        lines += [f"    {name}: {' or '.join(values)}; {tip}" for name, values, tip in each.open()]
-    return "\n".join(lines)
+    return "\n".join([*lines, *_open(each)])
+
+
+HEADS = {
+    "SV, PV, the gains and the dead band": ("error", "ts", "integral", "derivative", "sum", "words", "block"),
+    "limits": ("limit",),
+    "manual and back": ("manual", "transfer"),
+    "PID_RUN, EN and STOP": ("run",),
+    "when it executes": ("schedule",),
+}
+"""What an operator moves, to the parts of the law that it brings to light."""
+
+
+def _open(each: Learned) -> list[str]:
+    """What is left open: what this loop depends on as it runs, then the rest by what an operator moves."""
+    left = each.open()
+    if not left:
+        return ["  nothing is open"]
+    lines = [f"  open, {len(left)} axes; monitor and check take the default for what the profile does not name"]
+    narrowed = [one for one in left if one.is_narrowed]
+    if narrowed:
+        lines += ["    what this loop depends on as it ran; to decide it:", *_tips(narrowed)]
+    for head, groups in HEADS.items():
+        rest = [one for one in left if one.group in groups and not one.is_narrowed]
+        if rest:
+            lines += [f"    not asked for yet, {head}:", *_tips(rest)]
+    return lines
+
+
+def _tips(left: list[Open]) -> list[str]:
+    return [f"      {one.axis}: {' or '.join(one.values)}\n        do: {one.excitation}" for one in left]
 
 
 def _about_filter(each: Learned) -> str:

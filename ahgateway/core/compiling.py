@@ -79,6 +79,11 @@ class Maker:
         """From now on this stands for a global name."""
         self._names[name] = value
 
+    @property
+    def made(self) -> tuple[Any, ...]:
+        """Every function that was copied so far, as it was before."""
+        return tuple(self._made)
+
     def function(self, function: Any, *, is_inner: bool = True) -> Any:
         """Return the copy of a function, and of all that it calls."""
         if function not in self._made:

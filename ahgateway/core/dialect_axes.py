@@ -49,7 +49,7 @@ TABLE: tuple[Axis, ...] = (
         ),
         "both",
         "integral",
-        "drive MV into a limit and back out of it by SV",
+        "drive MV into a limit and back out of it by SV; then write MV_MAX below I_MV and let SV - PV change its sign",
     ),
     Axis(
         "run_off",
@@ -65,7 +65,7 @@ TABLE: tuple[Axis, ...] = (
         ("at the first call", "after one CYCLE"),
         "both",
         "schedule",
-        "start the PLC and watch the first CYCLE",
+        "no picture shows it: see after a power-up whether MV moves at once or after one CYCLE",
     ),
     Axis(
         "direction",
@@ -150,7 +150,7 @@ TABLE: tuple[Axis, ...] = (
         ("s", "the count itself", "it is left out, as if it were 1", "10 ms", "100 ms"),
         "both",
         "ts",
-        "any execution with Ki or Kd above 0",
+        "executions with Ki above 0 and a CYCLE that is neither 10 nor 100 ms",
     ),
     Axis(
         "ts_scale",
@@ -190,7 +190,7 @@ TABLE: tuple[Axis, ...] = (
         ("(K*E)*Ts", "K*(E*Ts)", "(K*Ts)*E"),
         "both",
         "integral",
-        "a few executions with odd values",
+        "executions with odd values, some dozens",
     ),
     Axis(
         "ratio",
@@ -222,7 +222,7 @@ TABLE: tuple[Axis, ...] = (
         ("(Kd*change)/Ts", "Kd*(change/Ts)", "(Kd/Ts)*change"),
         "both",
         "derivative",
-        "a few executions with odd values and Kd above 0",
+        "executions with odd values and a D about as large as P",
     ),
     Axis(
         "filter",
@@ -265,7 +265,7 @@ TABLE: tuple[Axis, ...] = (
         ("no change", "the change since what was last remembered, 0 after power-up"),
         "both",
         "derivative",
-        "start, or switch PID_RUN off and on, with Kd above 0",
+        "switch PID_RUN off and on while PV moves, with the D gain above 0; there it looks like run_off_history",
     ),
     Axis(
         "sum_order",
@@ -273,7 +273,7 @@ TABLE: tuple[Axis, ...] = (
         ("(P+I)+D", "P+(I+D)", "(P+D)+I"),
         "both",
         "sum",
-        "a few executions with P, I and D not 0",
+        "some dozens of executions with P, I and D not 0",
     ),
     Axis(
         "bias_joins",
@@ -297,7 +297,7 @@ TABLE: tuple[Axis, ...] = (
         ("no", "yes"),
         "both",
         "limit",
-        "let the sum be exactly MV_MAX",
+        "let the sum be exactly MV_MAX: PV at rest, CYCLE 0.5 s, Ki and the rest sums of powers of 2",
     ),
     Axis(
         "limited_output",
@@ -365,7 +365,7 @@ TABLE: tuple[Axis, ...] = (
         ("kept", "follows MV to 0"),
         "both",
         "run",
-        "switch PID_RUN off with MOUT_AUTO on",
+        "switch PID_RUN off twice with MOUT_AUTO on and MOUT not 0",
     ),
     Axis(
         "run_off_scan",
@@ -373,7 +373,7 @@ TABLE: tuple[Axis, ...] = (
         ("when an execution is due", "at the next scan"),
         "both",
         "schedule",
-        "switch PID_RUN off with a CYCLE of seconds",
+        "switch PID_RUN off right after an execution, with a CYCLE of seconds",
     ),
     Axis(
         "run_on",
@@ -381,7 +381,7 @@ TABLE: tuple[Axis, ...] = (
         ("the schedule goes on", "at once", "after one CYCLE"),
         "both",
         "schedule",
-        "switch PID_RUN on with a CYCLE of seconds",
+        "switch PID_RUN off and on again some CYCLEs later, halfway between two executions, with a CYCLE of seconds",
     ),
     Axis(
         "en_off_time",
@@ -389,7 +389,7 @@ TABLE: tuple[Axis, ...] = (
         ("no", "yes"),
         "both",
         "schedule",
-        "switch EN off for half a CYCLE",
+        "switch EN off for half a CYCLE of seconds right after an execution; the profile must name `en`",
     ),
     Axis(
         "en_on_history",
@@ -397,7 +397,7 @@ TABLE: tuple[Axis, ...] = (
         ("kept", "the next execution starts anew"),
         "both",
         "run",
-        "switch EN off and on while PV moves, with Kd above 0",
+        "switch EN off and on while PV moves, with the D gain above 0; the profile must name `en`",
     ),
     Axis(
         "stop_history",
@@ -405,7 +405,7 @@ TABLE: tuple[Axis, ...] = (
         ("kept", "the next execution starts anew"),
         "both",
         "run",
-        "put the PLC to STOP and RUN while PV moves, with Kd above 0",
+        "put the PLC to STOP and RUN while PV moves, with the D gain above 0; the profile must name `running`",
     ),
     Axis(
         "manual_integral",
@@ -437,7 +437,7 @@ TABLE: tuple[Axis, ...] = (
         ("at each execution", "at each scan"),
         "both",
         "schedule",
-        "change MOUT in manual with a CYCLE of seconds",
+        "change MOUT in manual right after an execution, with a CYCLE of seconds",
     ),
     Axis(
         "mout_auto",
@@ -501,7 +501,7 @@ TABLE: tuple[Axis, ...] = (
         ("the excess is carried over", "the time starts again at 0"),
         "both",
         "schedule",
-        "a CYCLE that is no multiple of the scan time, for many executions",
+        "a CYCLE that is no multiple of the scan time, for many executions, with pictures faster than half a scan",
     ),
     Axis(
         "bad_input",
@@ -573,7 +573,7 @@ TABLE: tuple[Axis, ...] = (
         ("at once", "from the next interval on"),
         "both",
         "schedule",
-        "write a much shorter CYCLE in the middle of an interval of seconds",
+        "right after an execution write a much shorter CYCLE than the seconds that it has",
     ),
     Axis(
         "mout_scan",
@@ -581,7 +581,7 @@ TABLE: tuple[Axis, ...] = (
         ("at each execution", "at each scan"),
         "both",
         "schedule",
-        "write MOUT in automatic with MOUT_AUTO on and a CYCLE of seconds",
+        "with MOUT_AUTO on and a CYCLE of seconds write MOUT often in automatic, with pictures faster than a scan",
     ),
 )
 """Every axis, in the order of `Dialect`."""

@@ -22,6 +22,7 @@ from ahgateway.core import flags as flag
 from ahgateway.core.compiling import FIRST_ASKED, Maker, njit
 from ahgateway.core.controllers import Controller
 from ahgateway.core.controllers.delta_terms import is_rough, ticks_per_second
+from ahgateway.core.kept import keep
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL
 
@@ -492,5 +493,7 @@ def sieve(controller: Controller, compiled: bool) -> Callable[..., Any]:
         laws = {"step": controller.step, "law_ts": controller.law_ts, "nominal_ts": controller.nominal_ts}
         for name, law in laws.items():
             maker.give(name, maker.function(law))
-        _SIEVES[key] = maker.function(sift, is_inner=False)
+        _SIEVES[key] = made = maker.function(sift, is_inner=False)
+        if compiled:
+            keep(made, maker.made)
     return _SIEVES[key]

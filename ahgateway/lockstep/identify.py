@@ -23,7 +23,7 @@ from ahgateway.core.dialect import AXES, IntegralStore, TsUnit
 from ahgateway.core.dialect_axes import Axis
 from ahgateway.core.real import REAL, order, same_bits
 from ahgateway.lockstep.anchor import first_anchor
-from ahgateway.lockstep.candidates import Candidate, Carrier, Fixed, dialect_of, joined
+from ahgateway.lockstep.candidates import Candidate, Carrier, Fixed, dialect_of, joined, values_of
 from ahgateway.lockstep.picture import predicted
 from ahgateway.lockstep.shadow import explain, input_variants, judged_names
 from ahgateway.lockstep.thinning import is_dependent, thinned
@@ -132,7 +132,7 @@ def identify(
     has_kc = is_dependent(pairs)
     candidates = [Candidate(dict(fixed)) for fixed in begun]
     if starts is None and not any(begun):
-        return replace(_result(candidates, has_kc), is_crowded=True)
+        return replace(_result(loop, candidates, has_kc), is_crowded=True)
     if compiled is None:
         is_filtered = any(getattr(before.inputs, "tf", 0) > 0 for before, _ in pairs)
         compiled = len(pairs) >= (FAST_FROM_FILTERED if is_filtered else FAST_FROM) and find_spec("numba") is not None
@@ -147,31 +147,31 @@ def identify(
         for candidate in candidates:
             left.extend(carrier.carried(candidate, stop))
             if carrier.walked > total:
-                return replace(_result(candidates, has_kc), is_cut=True)
+                return replace(_result(loop, candidates, has_kc), is_cut=True)
         if not left:
             return _none(loop, carrier, observations)
         at, candidates = stop, joined(loop, left)
         if len(candidates) > CANDIDATES_MAX:
-            return replace(_result(candidates, has_kc), is_crowded=True)
+            return replace(_result(loop, candidates, has_kc), is_crowded=True)
         stretch = max(1, stretch // 4) if len(candidates) > MANY else min(2 * stretch, STRETCH_MAX)
-    return _result(candidates, has_kc)
+    return _result(loop, candidates, has_kc)
 
 
-def _result(candidates: list[Candidate], has_kc: bool) -> Identification:
+def _result(loop: Loop, candidates: list[Candidate], has_kc: bool) -> Identification:
     values = {}
     for name, axis in AXES.items():
         found: set[int] = set()
         for candidate in candidates:
-            found |= _same_as(candidate.fixed, name, has_kc)
+            found |= _same_as(loop, candidate.fixed, name, has_kc)
         values[name] = tuple(int(value) for value in axis if int(value) in found)
     survivors = tuple(dict.fromkeys(dialect_of(candidate.fixed) for candidate in candidates))
     best = max(candidates, key=lambda each: each.explained)
     return Identification(values, survivors, best.explained, best.informative)
 
 
-def _same_as(fixed: Fixed, name: str, has_kc: bool) -> set[int]:
+def _same_as(loop: Loop, fixed: Fixed, name: str, has_kc: bool) -> set[int]:
     """Values of an axis that this candidate stands for: its own, and those that could not have made a difference."""
-    every = {int(value) for value in AXES[name]}
+    every = set(values_of(loop, fixed, name)) if name == "integral_store" else {int(value) for value in AXES[name]}
     unit = fixed.get("ts_unit")
     if name not in fixed or (unit == TsUnit.LEFT_OUT and name in ("ts_source", "product")):
         return every
@@ -179,7 +179,7 @@ def _same_as(fixed: Fixed, name: str, has_kc: bool) -> set[int]:
     if name == "ts_source" and unit == TsUnit.SECONDS:
         return {finer for finer in every if finer >= value}
     if name == "integral_store" and value == IntegralStore.TERM and not has_kc:
-        return {value, int(IntegralStore.WITHOUT_KC)}
+        return {value, int(IntegralStore.WITHOUT_KC)} & every
     return {value}
 
 

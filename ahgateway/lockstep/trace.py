@@ -110,11 +110,13 @@ def observed(pictures: Sequence[Picture], loop: Loop) -> list[Observation]:
 
     Two pictures further apart than one and a half CYCLE, an I_MV that somebody wrote, and a link that was away break
     the chain: the next observation is not the next execution. So does a time in which another execution can have
-    changed no word at all, though it moved what is hidden.
+    changed no word at all, though it moved what is hidden, and an MV that alone follows MOUT in manual: some dialects
+    do that between two executions.
     """
     found: list[Observation] = []
     is_next = False
     names = judged_names(loop)
+    known_ns = 0
     for before, after in pairwise(pictures):
         cycle_ns = round(float(loop.controller.nominal_ts(after.inputs)) * 1e9)
         if after.last_ns - before.sent_ns > 1.5 * cycle_ns or before.aligned_since_ns != after.aligned_since_ns:
@@ -122,13 +124,30 @@ def observed(pictures: Sequence[Picture], loop: Loop) -> list[Observation]:
             continue
         changed = {name for name in names if not same_bits(before.seen[name], after.seen[name])}
         if not changed - {"MOUT"}:
+            if _is_idle(before, after):
+                # PID_RUN = FALSE leaves what it finds, however often it is executed.
+                known_ns = after.last_ns
             continue
-        if changed == {"I_MV"}:
+        if changed == {"I_MV"} or (changed <= {"MV", "MOUT"} and _can_be_refresh(before, after)):
             is_next = False
             continue
         # At least so long after the last one: more than one CYCLE, and one scan of delay, holds another.
-        if found and before.sent_ns - found[-1].after.last_ns > cycle_ns + loop.scan_ms_max * 1_000_000:
+        if found and before.sent_ns - max(known_ns, found[-1].after.last_ns) > cycle_ns + loop.scan_ms_max * 1_000_000:
             is_next = False
         found.append(Observation(before, after, is_next))
         is_next = True
     return found
+
+
+def _can_be_refresh(before: Picture, after: Picture) -> bool:
+    return all(
+        getattr(each.inputs, "pid_run", True) and getattr(each.inputs, "pid_man", False) for each in (before, after)
+    )
+
+
+def _is_idle(before: Picture, after: Picture) -> bool:
+    """Tell whether the instruction stood through this, PID_RUN off and nothing but PV on the move."""
+    left, right = before.inputs, after.inputs
+    if getattr(left, "pid_run", True) or getattr(right, "pid_run", True):
+        return False
+    return bool(left._replace(pv=right.pv) == right) and before.enabled is not False and before.running is not False

@@ -1,0 +1,90 @@
+"""Compiled laws kept from one run to the next, so that a law is compiled once on a machine and not at every start.
+
+This file alone decides when a kept one may be used again: what is compiled, and every constant of the core that it can
+name, must be the same to the last character. It does not choose the folder; the roof hands one in, or none.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import types
+from collections.abc import Iterable, Iterator
+from functools import lru_cache
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from typing import Any
+
+_FOLDER: list[str] = [""]
+
+
+def keep_in(folder: str) -> None:
+    """From now on compiled laws are kept in this folder; "" keeps none."""
+    _FOLDER[0] = folder
+
+
+def keep(dispatcher: Any, functions: Iterable[Any]) -> None:
+    """Let a function that numba compiles be kept, where there is a folder that can be written to.
+
+    Args:
+        dispatcher: What numba's `njit` gave, not compiled yet.
+        functions: Every function that is compiled with it, as it stands in Python.
+    """
+    if not _FOLDER[0]:
+        return
+    from numba import config
+    from numba.core.caching import FunctionCache
+
+    class Kept(FunctionCache):  # type: ignore[misc]
+        """A cache that is never the reason why something fails."""
+
+        def load_overload(self, sig: Any, target_context: Any) -> Any:
+            try:
+                return super().load_overload(sig, target_context)
+            except Exception:
+                # Whatever a damaged file raises, the law is compiled anew.
+                return None
+
+        def save_overload(self, sig: Any, data: Any) -> None:
+            try:
+                super().save_overload(sig, data)
+            except OSError:
+                # A full or write-protected disk costs time alone.
+                return
+
+    before = config.CACHE_DIR
+    config.CACHE_DIR = f"{_FOLDER[0]}/{_fingerprint(functions)}"
+    try:
+        dispatcher._cache = Kept(dispatcher.py_func)
+    except (OSError, RuntimeError):
+        # No folder that can be written to.
+        return
+    finally:
+        config.CACHE_DIR = before
+
+
+def _fingerprint(functions: Iterable[Any]) -> str:
+    """What these functions are, constants included: another law, or another version of it, has another."""
+    digest = hashlib.sha256(_sources())
+    for function in sorted(functions, key=lambda each: (each.__module__, each.__qualname__)):
+        digest.update(repr(_shape(function.__code__)).encode())
+    return digest.hexdigest()[:20]
+
+
+def _shape(code: types.CodeType) -> tuple[Any, ...]:
+    """A function's code but for where it stands."""
+    consts = [_shape(each) if isinstance(each, types.CodeType) else repr(each) for each in code.co_consts]
+    return code.co_code, code.co_names, code.co_varnames, consts
+
+
+@lru_cache(maxsize=1)
+def _sources() -> bytes:
+    """The text of the whole core."""
+    return b"\n".join(_texts(files("ahgateway.core")))
+
+
+def _texts(folder: Traversable) -> Iterator[bytes]:
+    for each in sorted(folder.iterdir(), key=lambda each: each.name):
+        if each.is_dir():
+            yield from _texts(each)
+        elif each.name.endswith(".py"):
+            yield each.name.encode() + each.read_bytes()

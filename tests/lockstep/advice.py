@@ -1,0 +1,226 @@
+"""The advice that `identify` prints for an open axis, taken literally on the fake PLC by an operator in virtual time.
+
+For each axis: how the loop stands before, and what the operator does. K, I and D name the gains of either instruction.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+from lockstep.bench_world import World
+
+from ahgateway.apps.identify import Learned, learn
+from ahgateway.codec.station import PlantSpec
+from ahgateway.core.dialect import AXES, DEFAULT
+from ahgateway.lockstep.picture import Picture
+
+GAINS = {
+    "DPID": {"K": "Kp", "I": "Ki", "D": "Kd"},
+    "DPIDE": {"K": "Kc_Kp", "I": "Ti_Ki", "D": "Td_Kd"},
+}
+PLAIN: dict[str, Any] = {"SV": 50.0, "K": 1.3, "I": 0.37, "MV_MAX": 100.0, "MV_MIN": -40.0}
+DEPENDENT: dict[str, Any] = {"PID_EQ": True, "I": 2.7}
+
+PLANT = PlantSpec("fopdt", 1.2, 3.0, 0.2, 10.0, 0.05, 45.0)
+POLLS = 8
+"""Polls after each thing that the operator does: two CYCLEs of 100 ms."""
+
+Move = tuple[Any, ...]
+
+
+@dataclass(frozen=True)
+class Advice:
+    """One axis, the loop before, and what is done to it.
+
+    Attributes:
+        axis: Name of the axis.
+        moves: `(operand, value)`, `("PV", value)` at the sensor, `("wait", polls)`, `("STOP",)`, `("RUN",)`, `("EN", on)`.
+        before: What the loop has at the start, beside `PLAIN`.
+        world: What the fake PLC is given, beside the usual.
+        instructions: Where the axis is walked.
+        values: The values that are walked, all of them where None.
+        beside: Axes that must have another value than their default for this one to show.
+        left: What stays open beside a value, because it does the same whatever an operator does.
+    """
+
+    axis: str
+    moves: tuple[Move, ...] = ()
+    before: dict[str, Any] = field(default_factory=dict)
+    world: dict[str, Any] = field(default_factory=dict)
+    instructions: tuple[str, ...] = ("DPID", "DPIDE")
+    values: tuple[int, ...] | None = None
+    beside: dict[str, int] = field(default_factory=dict)
+    left: dict[int, tuple[int, ...]] = field(default_factory=dict)
+
+
+INTO_A_LIMIT: tuple[Move, ...] = (
+    ("SV", 130.0), ("wait", 16), ("SV", 50.0), ("wait", 160), ("MV_MAX", 10.0), ("SV", 39.0), ("wait", 16),
+)  # fmt: skip
+"""Into a limit and back out of it by SV; then MV_MAX below I_MV."""
+
+MANUAL: tuple[Move, ...] = (
+    ("MOUT", 30.0), ("PID_MAN", True), ("SV", 56.0), ("MOUT", 38.5), ("PID_MAN", False), ("wait", 12),
+)  # fmt: skip
+TRANSFERS: tuple[Move, ...] = MANUAL * 3
+STANDSTILL: tuple[Move, ...] = (("PID_RUN", False), ("wait", 16), ("PID_RUN", True), ("wait", 12))
+FILTERED: tuple[Move, ...] = (("D", 0.4), ("Tf", 0.31), ("wait", 40), ("D", 0.27), ("wait", 24))
+"""What tells `filter_content`, on which the history of a DPIDE waits."""
+
+SLOW: dict[str, Any] = {"cycle_ms": 1000, "poll_ms": 50}
+
+EITHER: tuple[Advice, ...] = (
+    Advice("freeze", INTO_A_LIMIT),
+    Advice("run_off", STANDSTILL),
+    Advice("direction"),
+    Advice("ts_unit", before={"I": 0.003}, world={"cycle_ms": 130}, values=(0, 1, 2, 4)),
+    Advice("ts_scale", (("CYCLE", 0.13), ("wait", 40), ("CYCLE", 0.07), ("wait", 40)), values=(0,)),
+    Advice("integrator"),
+    Advice("integral_store", values=(0, 1), instructions=("DPID",)),
+    Advice("integral_used"),
+    Advice("product", (("wait", 120),)),
+    Advice("derivative_product", (("D", 0.737), ("wait", 120))),
+    Advice("first_history", (*FILTERED, *STANDSTILL), left={1: (0, 1)}),
+    Advice("sum_order", (("D", 0.0437), ("wait", 40))),
+    Advice("freeze_test", (("MV_MAX", 45.0), ("D", 9.0), ("wait", 80))),
+    Advice(
+        "limit_edge", (("PV", 42.0), ("K", 1.0), ("I", 0.0), ("MV_MAX", 16.0), ("I", 0.5), ("wait", 60)),
+        world={"cycle_ms": 500, "poll_ms": 60},
+    ),
+    Advice("limited_output", (("K", 0.0), ("wait", 8), ("I", 2.9), ("SV", 90.0), ("MV_MAX", 60.0), ("wait", 80))),
+    Advice("limits", (("MV_MIN", 60.0), ("MV_MAX", 20.0), ("wait", 16))),
+    Advice("clamped", (("K", -1.0), ("wait", 8), ("K", 1.3))),
+    Advice("ki_off", (("I", 0.0), ("wait", 16), ("I", 0.37))),
+    Advice("run_off_history", (*FILTERED, *STANDSTILL), left={1: (0, 1)}),
+    Advice("run_off_mout", (("MOUT_AUTO", True), *STANDSTILL, *STANDSTILL)),
+    Advice("run_off_scan", (("PID_RUN", False), ("wait", 40), ("PID_RUN", True), ("wait", 30)), world=SLOW),
+    Advice("run_on", (("PID_RUN", False), ("wait", 50), ("PID_RUN", True), ("wait", 50)), world=SLOW),
+    Advice("en_off_time", (("EN", False), ("wait", 10), ("EN", True), ("wait", 50)), world={**SLOW, "en": "M50"}),
+    Advice(
+        "en_on_history", (("D", 0.11), ("wait", 12), ("EN", False), ("wait", 16), ("EN", True), ("wait", 12)),
+        world={"en": "M50"},
+    ),
+    Advice("stop_history", (("D", 0.11), ("wait", 12), ("STOP",), ("wait", 16), ("RUN",), ("wait", 12))),
+    Advice("manual_integral", MANUAL),
+    Advice("manual_history", (("D", 0.11), *MANUAL)),
+    Advice("manual_refresh", (("PID_MAN", True), ("wait", 40), ("MOUT", 38.5), ("wait", 30), ("MOUT", 33.0)), world=SLOW),
+    Advice("mout_auto", (("MOUT_AUTO", True), ("PID_MAN", True), ("MOUT", 120.0), ("wait", 16))),
+    Advice("transfer", MANUAL),
+    Advice("preset_order", (("D", 0.0437), *TRANSFERS)),
+    Advice("preset_d", (("D", 0.11), *TRANSFERS)),
+    Advice("preset_integrates", MANUAL),
+    Advice("preset_limit", (("K", 9.0), *MANUAL)),
+    Advice("bad_input", (("SV", float("nan")), ("wait", 4), ("SV", 50.0))),
+    Advice("form_change", (("D", 0.11), ("PID_DIR", False), ("wait", 4), ("PID_DIR", True), ("PID_DE", True), ("PID_DE", False))),
+    Advice("cycle_change", (("wait", 30), ("CYCLE", 0.2), ("wait", 50)), world=SLOW),
+    Advice(
+        "mout_scan", (("MOUT_AUTO", True), ("wait", 300), *(("MOUT", 5.0), ("wait", 4)) * 8),
+        world={"cycle_ms": 1000, "poll_ms": 6, "scan_ms": 20},
+    ),
+    Advice("ts_source", (("CYCLE", 0.11), ("wait", 80)), world={"scan_ms": 7}),
+    Advice("schedule", (("CYCLE", 0.13), ("wait", 300)), world={"scan_ms": 9, "poll_ms": 4}),
+)  # fmt: skip
+
+CROSSED: tuple[Move, ...] = (("PV", 46.0), ("ERR_DBW", 6.0), ("PV", 49.0), ("PV", 51.0), ("PV", 52.0))
+"""PV enters the band from below and passes SV = 50."""
+
+ONLY: tuple[Advice, ...] = (
+    Advice("band", (("PV", 45.0), ("ERR_DBW", 3.0), ("PV", 48.5), ("PV", 51.0), ("PV", 54.0), ("PV", 51.0)), instructions=("DPID",)),
+    Advice("band_edge", (("PV", 45.0), ("ERR_DBW", 3.0), ("PV", 47.0), ("PV", 46.0)), instructions=("DPID",)),
+    Advice("derivative_of", (("D", 0.11), ("wait", 12), ("SV", 53.0)), instructions=("DPID",)),
+    Advice("transfer_2", (("PID_MODE", 2), *MANUAL), instructions=("DPID",)),
+    Advice("cross_band", (("PV", 40.0), ("ERR_DBW", 6.0), ("PV", 46.0), ("PV", 47.0)), instructions=("DPIDE",)),
+    Advice("cross_edge", (*CROSSED, ("PV", 56.0), ("PV", 57.0)), instructions=("DPIDE",)),
+    Advice("cross_touch", (("PV", 46.0), ("ERR_DBW", 6.0), ("PV", 50.0), ("PV", 48.0)), instructions=("DPIDE",)),
+    Advice("cross_manual", (*CROSSED, ("PID_MAN", True), ("PID_MAN", False), ("PV", 52.5)), instructions=("DPIDE",)),
+    Advice("cross_d", (("D", 0.11), *CROSSED, ("PV", 51.0), ("PV", 58.0)), instructions=("DPIDE",)),
+    Advice("cross_jump", (("PV", 42.0), ("ERR_DBW", 6.0), ("SV", 38.0), ("PV", 43.0)), instructions=("DPIDE",)),
+    Advice("cross_sv", (*CROSSED, ("SV", 50.5), ("PV", 53.0)), instructions=("DPIDE",)),
+    Advice(
+        "cross_scan",
+        (("PV", 46.0), ("ERR_DBW", 6.0), ("wait", 40), ("PV", 51.0), ("wait", 4), ("PV", 49.0), ("wait", 40)),
+        world=SLOW, instructions=("DPIDE",),
+    ),
+    Advice("ratio", (("PID_EQ", True), ("I", 2.7), ("wait", 30)), instructions=("DPIDE",)),
+    Advice("dependent_sum", (("PID_EQ", True), ("I", 2.7), ("wait", 30)), instructions=("DPIDE",)),
+    Advice("integral_store", (("wait", 30),), before=DEPENDENT, instructions=("DPIDE",)),
+    Advice("filter", (("D", 0.4), ("Tf", 0.31), ("wait", 60)), instructions=("DPIDE",)),
+    Advice("filter_content", (("D", 0.4), ("Tf", 0.31), ("wait", 40), ("D", 0.27), ("wait", 40)), instructions=("DPIDE",)),
+    Advice("tf_unit", (("D", 0.4), ("Tf", 0.31), ("PID_EQ", True), ("I", 2.7), ("wait", 60)), instructions=("DPIDE",)),
+    Advice("bias_joins", (("D", 0.0437), ("BIAS", 3.3), ("wait", 60)), instructions=("DPIDE",)),
+    Advice("kc_off", (("PID_EQ", True), ("I", 2.7), ("wait", 20), ("K", 0.0), ("wait", 12), ("K", 1.3)), instructions=("DPIDE",)),
+    Advice("run_off_filter", (("D", 0.4), ("Tf", 0.31), ("wait", 40), *STANDSTILL), instructions=("DPIDE",), beside={"run_off_history": 1}),
+    Advice("manual_filter", (("D", 0.4), ("Tf", 0.31), ("wait", 40), *MANUAL, ("wait", 30)), instructions=("DPIDE",)),
+    Advice("form_integral", (("PID_EQ", True), ("wait", 12), ("PID_EQ", False)), instructions=("DPIDE",)),
+)  # fmt: skip
+
+NOT_IN_PICTURES = ("first_call",)
+"""Only the time from power-up to the first change of MV shows it."""
+
+
+def every() -> Iterator[tuple[str, Advice, int]]:
+    """Each instruction, axis and value to walk."""
+    for advice in (*EITHER, *ONLY):
+        for name in advice.instructions:
+            wanted = [int(value) for value in AXES[advice.axis]] if advice.values is None else advice.values
+            for value in wanted:
+                yield name, advice, value
+
+
+async def walked(name: str, advice: Advice, value: int, *, is_taken: bool = True) -> Learned:
+    """Let the loop run, take the advice or go on without it, and learn from every picture."""
+    dialect: Any = DEFAULT._replace(**{each: AXES[each](held) for each, held in advice.beside.items()})
+    dialect = dialect._replace(**{advice.axis: AXES[advice.axis](value)})
+    settings = {"cycle_ms": 100, "poll_ms": 25, "scan_ms": 5, **advice.world}
+    start = {GAINS[name].get(key, key): held for key, held in {**PLAIN, **advice.before}.items()}
+    world = World(
+        name,
+        start,
+        plant=PLANT,
+        loop_changes={"dialect": dialect, "scan_ms_max": max(10, settings["scan_ms"])},
+        **settings,
+    )
+    if settings.get("en"):
+        _en(world, True)
+    pictures: list[Picture] = []
+    await _watched(world, pictures, 10 * settings["cycle_ms"] // settings["poll_ms"] + 20)
+    for move in advice.moves if is_taken else (("wait", 40),):
+        await _moved(world, name, move, pictures)
+    await _watched(world, pictures, 30)
+    return learn(world.station, {"L1": pictures})[0]
+
+
+async def _watched(world: World, pictures: list[Picture], polls: int) -> None:
+    for _ in range(polls):
+        world.clock.advance_ns(world.poll_ns)
+        pictures.extend(each for each in await world.sampler.pictures() if isinstance(each, Picture))
+
+
+async def _moved(world: World, name: str, move: Move, pictures: list[Picture]) -> None:
+    what, *rest = move
+    if what == "wait":
+        await _watched(world, pictures, rest[0])
+        return
+    if what == "STOP":
+        world.plc.stop()
+    elif what == "RUN":
+        world.plc.run()
+    elif what == "EN":
+        _en(world, rest[0])
+    elif what == "PV":
+        world.plc.freeze_pv("L1")
+        world.plc.write("L1", "PV", rest[0])
+    elif what == "CYCLE":
+        world.plc.write("L1", "CYCLE", round(rest[0] * (100 if name == "DPID" else 1000)))
+    elif GAINS[name].get(what, what) in {row.name for row in world.loop.controller.operands}:
+        world.plc.write("L1", GAINS[name].get(what, what), rest[0])
+    await _watched(world, pictures, POLLS)
+
+
+def _en(world: World, is_on: bool) -> None:
+    """Switch the contact by which the program calls the instruction."""
+    device = world.loop.en
+    assert device is not None
+    place = world.station.devices.address(device)
+    world.plc.memory.write(place.table, place.address, (int(is_on),))
