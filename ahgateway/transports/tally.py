@@ -14,8 +14,8 @@ EXCEPTION_BIT = 0x80
 class Tally(Tracer):
     """Counts the frames of one Modbus link.
 
-    A request without a reply within the link's time-out, or with another one behind it on a line that has no tags,
-    counts as a time-out.
+    A request without a reply within twice the link's time-out (on a busy machine its timer rings late), or with another
+    one behind it on a line that has no tags, counts as a time-out.
 
     Args:
         asked: Makes the framing of requests.
@@ -29,14 +29,14 @@ class Tally(Tracer):
     def __init__(self, asked: Callable[[], Framing], answered: Callable[[], Framing], timeout_ns: int) -> None:
         super().__init__(asked, answered)
         self.figures = LinkFigures()
-        self._timeout_ns = timeout_ns
+        self._given_up_ns = 2 * timeout_ns
         self._now_ns = 0
         self._sent_ns: dict[int, int] = {}
 
     def take(self, frame: Frame) -> None:
         """Count one frame."""
         self._now_ns = frame.now_ns
-        while self._sent_ns and frame.now_ns - next(iter(self._sent_ns.values())) > self._timeout_ns:
+        while self._sent_ns and frame.now_ns - next(iter(self._sent_ns.values())) > self._given_up_ns:
             self._give_up(next(iter(self._sent_ns)))
         self._meaning(frame)
 

@@ -17,7 +17,7 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.filter import LineFilter
 from textual.screen import Screen
-from textual.widgets import Footer, Input, TabbedContent, TabPane
+from textual.widgets import Input, TabbedContent, TabPane
 
 from ahgateway.apps.board import Board, Note
 from ahgateway.apps.lanes import lanes_of
@@ -31,6 +31,7 @@ from ahgateway.errors import ProfileError, StateError
 from ahgateway.tui.console import StandIns
 from ahgateway.tui.event_log import EventLog
 from ahgateway.tui.health_panel import health_lines
+from ahgateway.tui.keys_line import KeysLine
 from ahgateway.tui.lines_panel import Line, LinesPanel, plain
 from ahgateway.tui.link_page import link_lines
 from ahgateway.tui.loops_table import STYLE, LoopsTable
@@ -156,7 +157,7 @@ class MonitorApp(App[None]):
                 yield LinesPanel(id="link-lines")
             with TabPane("4 log", id="log"):
                 yield EventLog(self._board)
-        yield Footer()
+        yield KeysLine()
 
     def on_mount(self) -> None:
         """Start to redraw; a console that cannot show Braille gets plain characters."""
@@ -330,7 +331,7 @@ class MonitorApp(App[None]):
         try:
             player.seek_utc(moment_ns(text, "go to", player.first_utc_ns))
         except ProfileError as error:
-            self.notify(f"{error.message}; {error.hint}", severity="error")
+            self.notify(f"{error.message}; {error.hint}", severity="error", timeout=10)
         self.redraw()
 
     def _keep(self, text: str) -> None:

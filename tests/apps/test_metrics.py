@@ -7,6 +7,7 @@ import urllib.request
 
 import pytest
 from prometheus_client import generate_latest
+from prometheus_client.parser import text_string_to_metric_families
 from tui.screen_world import ScreenWorld
 
 from ahgateway.apps.metrics import registry, served
@@ -47,6 +48,21 @@ async def test_values_verdicts_coverage_age_and_link_are_those_of_the_monitor(wo
     assert counts.coverage == found['ahgateway_coverage_ratio{loop="TIC-101"}']
     assert 1.0 == found["ahgateway_link_up"]
     assert world.link.figures.requests == found["ahgateway_link_requests_total"]
+
+
+async def test_prometheus_reads_every_line_and_each_name_tells_its_unit(world):
+    families = list(text_string_to_metric_families(generate_latest(registry(world.board)).decode()))
+    kinds = {each.name.removeprefix("ahgateway_"): each.type for each in families}
+    assert {"loop_value", "loop_stale", "loop_auto", "loop_finding", "loop_diverged", "link_up"} == {
+        name for name, kind in kinds.items() if kind == "gauge" and not name.endswith(("_seconds", "_ratio"))
+    }
+    assert {"loop_age_seconds", "link_round_trip_seconds", "coverage_ratio"} < set(kinds)
+    counters = {name for name, kind in kinds.items() if kind == "counter"}
+    assert {"executions", "link_requests", "link_timeouts", "link_garbage_bytes"} < counters
+    samples = [sample for each in families for sample in each.samples]
+    assert all(sample.name.endswith("_total") for each in families if each.type == "counter" for sample in each.samples)
+    assert {"°C", "%"} == {sample.labels["unit"] for sample in samples if sample.name == "ahgateway_loop_value"}
+    assert all(each.documentation for each in families)
 
 
 async def test_a_stale_value_is_not_there(world):

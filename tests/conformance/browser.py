@@ -24,10 +24,11 @@ class Browser:
         complaints: What the page wrote to its console as a warning or an error, and what it did not catch.
     """
 
-    def __init__(self, home: Path) -> None:
+    def __init__(self, home: Path, *, patience_s: float = PATIENCE_S) -> None:
         self.urls: list[str] = []
         self.complaints: list[str] = []
         self._home = home
+        self._patience_s = patience_s
         self._waiting: dict[int, asyncio.Future[Any]] = {}
         self._number = 0
 
@@ -70,14 +71,16 @@ class Browser:
         self._reader.cancel()
         self._socket.close()
         self._process.terminate()
-        await asyncio.wait_for(self._process.wait(), PATIENCE_S)
+        await asyncio.wait_for(self._process.wait(), self._patience_s)
 
     async def do(self, method: str, **arguments: Any) -> Any:
         """Send one command of the protocol and return its answer."""
         self._number += 1
-        self._waiting[self._number] = asyncio.get_running_loop().create_future()
+        answer = asyncio.get_running_loop().create_future()
+        self._waiting[self._number] = answer
+        # The answer may be there, and no longer waited for, before the writing returns.
         await self._socket.write_message(json.dumps({"id": self._number, "method": method, "params": arguments}))
-        return await asyncio.wait_for(self._waiting[self._number], PATIENCE_S)
+        return await asyncio.wait_for(answer, self._patience_s)
 
     async def size(self, width: int, height: int) -> None:
         await self.do(
@@ -100,7 +103,7 @@ class Browser:
 
     async def until(self, expression: str) -> Any:
         """Wait until an expression is worth something and return it."""
-        for _ in range(round(PATIENCE_S / STEP_S)):
+        for _ in range(round(self._patience_s / STEP_S)):
             found = await self.ask(expression)
             if found:
                 return found

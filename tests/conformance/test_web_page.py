@@ -150,6 +150,29 @@ async def test_stale_is_told_and_a_gateway_that_is_gone_too(run, browser):
     await browser.until("/GATEWAY SILENT/.test(document.querySelector('#alarm').textContent)")
 
 
+async def test_a_gateway_that_hangs_looks_dead_on_every_page(run, browser):
+    async with page(run) as url:
+        await browser.open(f"{url}#loop=TIC-101")
+        await browser.until(f"{READY} && document.querySelectorAll('#terms tbody tr').length > 5")
+        await browser.ask("window.fetch = () => new Promise(() => {}), 1")
+        await browser.until("/GATEWAY SILENT/.test(document.querySelector('#alarm').textContent)")
+        mv = await browser.ask("[...document.querySelectorAll('#terms tbody tr')].at(-1).innerText")
+        said = await browser.ask(
+            "[...document.querySelectorAll('#word, #loops tbody .pill')].map(each => each.textContent)"
+        )
+    assert mv.split()[:2][1].startswith("(")
+    assert ["STALE"] * 3 == said
+
+
+async def test_a_loop_that_is_not_there_and_an_address_that_is_none_are_said(run, browser):
+    async with page(run) as url:
+        for hash in ("loop=NOBODY", "loop=%25%E0%A4%A"):
+            await browser.open(f"{url}?{hash[-3:]}#{hash}")
+            await browser.until("/this station has no loop/.test(document.querySelector('#loops-count').textContent)")
+            assert not await browser.ask("document.querySelector('#page-loops').hidden")
+    assert [] == browser.complaints
+
+
 async def test_dark_and_light_follow_the_desktop_and_the_button(run, browser):
     async with page(run) as url:
         grounds = {}

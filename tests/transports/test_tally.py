@@ -42,8 +42,10 @@ def test_replies_and_exceptions_are_round_trips_each_of_its_own_request() -> Non
     assert [2 * MILLISECOND, 10 * MILLISECOND] == [found.round_trip_last_ns, found.round_trip_worst_ns]
 
 
-def test_a_request_older_than_the_time_out_was_given_up_and_its_reply_is_late() -> None:
-    found = fed(Tally(Mbap, Mbap, TIMEOUT_NS), (0, read(1)), (500, read(2)), (501, reply(1)), (502, reply(2))).figures
+def test_a_request_older_than_twice_the_time_out_was_given_up_and_its_reply_is_late() -> None:
+    found = fed(
+        Tally(Mbap, Mbap, TIMEOUT_NS), (0, read(1)), (1000, read(2)), (1001, reply(1)), (1002, reply(2))
+    ).figures
     assert [2, 1, 1, 1] == [found.requests, found.replies, found.timeouts, found.late]
 
 

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
+
 import pytest
+from textual.widgets._footer import FooterKey
 from tui.screen_world import ScreenWorld, text_of
 
 from ahgateway.clock import SECOND
@@ -211,6 +215,18 @@ async def test_a_report_draws_nothing_by_itself(world):
         await world.run(2.0)
         await pilot.pause()
         assert before == pilot.app.redraws
+
+
+async def test_keys_of_a_page_that_was_left_are_forgotten(world):
+    app = world.app()
+    async with app.run_test(size=WIDE) as pilot:
+        first = [weakref.ref(each) for each in app.query(FooterKey)]
+        for key in "234":
+            await pilot.press(key)
+            await pilot.pause()
+        gc.collect()
+        assert len(first) == 5
+        assert [None] * 5 == [each() for each in first]
 
 
 async def test_a_narrow_terminal_keeps_trend_and_verdict_in_sight(world):
