@@ -83,7 +83,7 @@ PID_REG_CE = _axes(
         "first_backlash",
         "Whether the very first pulse is lengthened by PT_LUFT (spec D.7/5)",
         ("no", "yes"),
-        "no picture tells, for the way of the last motion is hidden until there is one: measure the first pulse after a "
+        "no picture tells, for the last motion is hidden until there is one: measure the first pulse after a "
         "cold start with PT_LUFT above 0, and write the value into the profile",
     ),
     (
