@@ -83,7 +83,8 @@ PID_REG_CE = _axes(
         "first_backlash",
         "Whether the very first pulse is lengthened by PT_LUFT (spec D.7/5)",
         ("no", "yes"),
-        "start the PLC with PT_LUFT above 0 and watch the first pulse",
+        "no picture tells, for the last motion is hidden until there is one: measure the first pulse after a "
+        "cold start with PT_LUFT above 0, and write the value into the profile",
     ),
     (
         "zone_pulse",
@@ -195,13 +196,14 @@ PID_TEMP = _axes(
         "pwm_inactive",
         "What inactive mode does to carry and phase of the pulses (spec E.6)",
         ("cleared", "kept"),
-        "go inactive and back to automatic within a period of the pulses",
+        "set Select to 0 and back to 1, which clears the pulses, then go inactive and back within a period of them",
     ),
     (
         "pwm_conflict",
         "Which rule wins when both minimum times do not fit into the period (spec E.6)",
         ("the minimum on time", "the minimum off time"),
-        "set MinimumOnTime and MinimumOffTime longer than the period together, with the output in the middle",
+        "set MinimumOnTime and MinimumOffTime longer than the period together, with the output in the middle, then "
+        "Select to 0 and back to 1",
     ),
 )
 
