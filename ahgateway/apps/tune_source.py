@@ -130,7 +130,7 @@ def _number(cell: str, separator: str, is_time: bool, where: str, column: str) -
         except ValueError:
             pass
     if is_time:
-        hint = "time in s, or as 2026-03-01T12:00:00.250; `ahgateway import` reads other forms"
+        hint = "time in s, or as date and time of ISO 8601: 2026-03-01T12:00:00.250"
     else:
         hint = "decimal comma only where semicolon or tab separates, and no sign between thousands"
     raise ProfileError(f"`{cell}` is no number", file=where, key=column, hint=hint)
