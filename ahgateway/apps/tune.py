@@ -374,8 +374,17 @@ def as_text(result: Tuning) -> str:
         if side_by_side is not None:
             lines.append(f"  {comparison_text(side_by_side)}")
     else:
-        lines += ["", "recommended: none, no proposal is robust (Ms above 1.7): turn the dial down"]
+        lines += ["", f"recommended: none, {_why_none(result)}"]
     return "\n".join(lines)
+
+
+def _why_none(result: Tuning) -> str:
+    """Why nothing is recommended: nothing is robust, or what is may not be written."""
+    best, loop = recommended(result.found), result.loop
+    if best is None or loop is None or loop.writable is None:
+        return "no proposal is robust (Ms above 1.7): turn the dial down"
+    kept = [name for name in best.settings if name not in loop.writable]
+    return f"the profile lets nobody write {', '.join(kept)}; by its numbers it would be {best.name}"
 
 
 def pace_note(result: Tuning) -> list[str]:

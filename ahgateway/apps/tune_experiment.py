@@ -68,6 +68,7 @@ class Experiment(Sitting):
     """
 
     brought: Params = field(default_factory=dict)
+    _ends_ns: int = 0
 
     async def run(self, wanted: Wanted) -> tuple[Record, Params]:
         """Measure the rest, excite the loop, put everything back; return the trace and the loop's settings.
@@ -88,6 +89,7 @@ class Experiment(Sitting):
         self.told(f"noise {quiet.noise:.3g}, resolution {quiet.resolution:.3g}: {wanted.kind.value}{size}")
         settings = self._live()
         duration_ns = round(self.envelope.time_s * SECOND)
+        self._ends_ns = self.clock.now_ns() + duration_ns
         async with self.gate.armed(f"tune: {wanted.kind.value}{size}", duration_ns=duration_ns):
             await self._excite(wanted, quiet)
             self.told("done, everything is put back")
@@ -111,9 +113,9 @@ class Experiment(Sitting):
             assert self._last is not None
             assert wanted.size is not None
             sv = float(self._last.inputs.sv)
-            for value in (sv + wanted.size, sv):
+            for value, left in ((sv + wanted.size, 2), (sv, 1)):
                 await self._write({"SV": value})
-                await self._leg(wanted, quiet)
+                await self._leg(wanted, quiet, left)
             return
         await self._write({"PID_MAN": True})
         base = float((await self._sample()).seen["MV"])
@@ -122,9 +124,9 @@ class Experiment(Sitting):
             await self._relay(wanted, quiet, base, size)
             return
         levels = (base + size, base) if wanted.kind is Kind.STEP else (base + size, base - size, base)
-        for value in levels:
+        for index, value in enumerate(levels):
             await self._write({"MOUT": value})
-            await self._leg(wanted, quiet)
+            await self._leg(wanted, quiet, len(levels) - index)
 
     async def _sized(self, wanted: Wanted, quiet: Quiet, base: float) -> float:
         """Grow a small step of MOUT until PV answers, and return the step that the answer asks for.
@@ -212,9 +214,14 @@ class Experiment(Sitting):
                 hint="its tuning is meant for temperature loops; use another experiment",
             )
 
-    async def _leg(self, wanted: Wanted, quiet: Quiet) -> None:
-        """Hold until the time given is over, or PV has settled, or half the way to the envelope is used up."""
+    async def _leg(self, wanted: Wanted, quiet: Quiet, left: int) -> None:
+        """Hold until the time given is over, or PV has settled, or half the way to the envelope is used up.
+
+        Whatever PV does, one of `left` legs takes no more than its share of the time that is left: PV of an
+        integrating process, or behind a valve that did not move, never settles.
+        """
         begun_ns, first = self.clock.now_ns(), self._moved_at
+        latest_ns = begun_ns + (self._ends_ns - begun_ns) // (left + 1)
         start = self.rows[first - 1][2]
         while True:
             picture = await self._sample()
@@ -225,7 +232,8 @@ class Experiment(Sitting):
             pv = np.array([row[2] for row in self.rows[first:]])
             low, high = self.envelope.pv
             room = (high - start) if float(picture.inputs.pv) > start else (start - low)
-            if abs(float(picture.inputs.pv) - start) > 0.5 * room or _settled(pv, start, quiet.noise):
+            used = abs(float(picture.inputs.pv) - start) > 0.5 * room
+            if used or self.clock.now_ns() >= latest_ns or _settled(pv, start, quiet.noise):
                 return
 
     async def _relay(self, wanted: Wanted, quiet: Quiet, base: float, size: float) -> None:

@@ -1,12 +1,14 @@
 """Where a trace to tune from comes from: a CSV file, or a loop of a recording.
 
 This file alone reads them. A CSV file has one line of names and then numbers; comma, semicolon or tab, decimal point,
-or decimal comma where the separator is none; time in s, or as date and time of ISO 8601.
+or decimal comma where the separator is none; time in s, in ms where its name says so, or as date and time of ISO 8601.
+Names may have their unit behind them in brackets.
 """
 
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
@@ -24,12 +26,17 @@ from ahgateway.tuning.record import Array, Record, polled
 
 NAMES = ("time", "SV", "PV", "MV")
 ALSO = {
-    "time": ("time", "t", "t_s", "time_s", "seconds", "timestamp"),
+    "time": ("time", "t", "t_s", "time_s", "seconds", "timestamp", "datetime", "t_ms", "time_ms"),
     "SV": ("sv", "sp", "setpoint"),
     "PV": ("pv", "cv", "value"),
     "MV": ("mv", "op", "output", "mout"),
 }
 """Names that a column may have where no --map says it, in small letters."""
+UNIT = re.compile(r"\s*[\[(].*$")
+"""A unit behind a column's name: `PV [°C]`."""
+MILLISECONDS = re.compile(r"_ms$|[\[(]\s*ms\s*[\])]")
+"""A time column whose name says that it counts ms."""
+UTF16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 SQLITE = b"SQLite format 3\x00"
 
 
@@ -50,13 +57,13 @@ def read_csv(path: Path, columns: Mapping[str, str] | None = None) -> Record:
         ProfileError: A column is not there, or a cell is no number.
     """
     file = str(path)
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        text = path.read_text(encoding="cp1252")
-    lines = [line for line in text.splitlines() if line.strip()]
-    if not lines:
-        raise ProfileError("is empty", file=file, hint="the first line names the columns, such as time,SV,PV,MV")
+    lines = [line for line in _text(path).splitlines() if line.strip()]
+    if len(lines) < 2:
+        raise ProfileError(
+            "has no samples" if lines else "is empty",
+            file=file,
+            hint="the first line names the columns, such as time,SV,PV,MV; numbers follow",
+        )
     separator = max(";\t,", key=lambda sign: (lines[0].count(sign), -";\t,".index(sign)))
     rows = list(csv.reader(lines, delimiter=separator))
     head = [name.strip() for name in rows[0]]
@@ -70,7 +77,23 @@ def read_csv(path: Path, columns: Mapping[str, str] | None = None) -> Record:
             cell = row[place].strip() if place < len(row) else ""
             values[name].append(_number(cell, separator, name == "time", f"{file}:{number}", head[place]))
     arrays = {name: np.array(column, dtype=np.float64) for name, column in values.items()}
-    return Record(arrays["time"] - arrays["time"][0], arrays["SV"], arrays["PV"], arrays["MV"], file)
+    place = places["time"]
+    assert place is not None
+    unit = 1e-3 if MILLISECONDS.search(head[place].lower()) else 1.0
+    return Record((arrays["time"] - arrays["time"][0]) * unit, arrays["SV"], arrays["PV"], arrays["MV"], file)
+
+
+def _text(path: Path) -> str:
+    """What stands in a text file, whichever of the usual encodings a trend program chose."""
+    raw = path.read_bytes()
+    for encoding in ("utf-16",) if raw[:2] in UTF16_MARKS else ("utf-8-sig", "cp1252"):
+        try:
+            text = raw.decode(encoding)
+        except UnicodeDecodeError:
+            continue
+        if "\0" not in text:
+            return text
+    raise ProfileError("is no text file", file=str(path), hint="save it as CSV in UTF-8")
 
 
 def _column(name: str, head: list[str], columns: Mapping[str, str], file: str) -> int | None:
@@ -81,16 +104,17 @@ def _column(name: str, head: list[str], columns: Mapping[str, str], file: str) -
         raise ProfileError(
             f"has no column `{columns[name]}` for {name}, it has {', '.join(head)}", file=file, key=f"--map {name}"
         )
-    small = [each.lower() for each in head]
+    small = [UNIT.sub("", each.lower()) for each in head]
     for also in ALSO[name]:
         if also in small:
             return small.index(also)
     if name == "SV":
         return None
+    named = any(each and not each.lstrip("+-").replace(",", ".").replace(".", "", 1).isdigit() for each in head)
     raise ProfileError(
         f"no column looks like {name}, there are {', '.join(head)}",
         file=file,
-        hint=f"name it: --map {name}=COLUMN",
+        hint=f"name it: --map {name}=COLUMN" if named else "the first line must name the columns: time,SV,PV,MV",
     )
 
 
@@ -105,7 +129,11 @@ def _number(cell: str, separator: str, is_time: bool, where: str, column: str) -
             return datetime.fromisoformat(cell).timestamp()
         except ValueError:
             pass
-    raise ProfileError(f"`{cell}` is no number", file=where, key=column)
+    if is_time:
+        hint = "time in s, or as date and time of ISO 8601: 2026-03-01T12:00:00.250"
+    else:
+        hint = "decimal comma only where semicolon or tab separates, and no sign between thousands"
+    raise ProfileError(f"`{cell}` is no number", file=where, key=column, hint=hint)
 
 
 def read_recording(path: Path, name: str | None = None) -> tuple[Record, str, Params]:

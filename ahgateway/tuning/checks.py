@@ -28,6 +28,10 @@ DRIFT_MAX = 0.5
 """Largest drift over the record, as a share of what MV brought about; above half of it a warning."""
 LENGTH_MIN = 2.0
 """Fewest times that the record must hold the process's slowness."""
+GAP_MIN = 5.0
+"""A gap is a time between two samples that is this many times the usual one, in a record that is even otherwise."""
+GAP_MOVE = 0.2
+"""Largest move of MV across a gap, as a share of its range; of PV it is a warning."""
 HELD_MIN = 0.5
 """Share of samples at which MV stands still that tells a person's moves from a controller's."""
 
@@ -57,6 +61,25 @@ def before(record: Record) -> tuple[Finding, ...]:
             Finding("quantised", Weight.NOTE, f"PV has a resolution of {step:g}, its noise is {sigma:.3g}, so it hides")
         )
     return tuple(found)
+
+
+def gaps(raw: Record) -> tuple[Finding, ...]:
+    """Return what is to be said of gaps: nobody knows when MV moved in one, nor which way PV took."""
+    steps = np.diff(raw.t_s)
+    usual = float(np.median(steps))
+    if float(np.mean(np.abs(steps - usual) <= 0.5 * usual)) < 0.9:
+        return ()
+    found = []
+    for name, values, weight in (("MV", raw.mv, Weight.REFUSED), ("PV", raw.pv, Weight.WARNING)):
+        moved = np.abs(np.diff(values)) * (steps > GAP_MIN * usual)
+        place = int(np.argmax(moved))
+        if moved[place] > 0.0 and moved[place] >= GAP_MOVE * float(np.ptp(values)):
+            text = (
+                f"{steps[place]:.4g} s are missing from {raw.t_s[place]:g} s on, usual are {usual:.3g} s between "
+                f"samples, and {name} went from {values[place]:.5g} to {values[place + 1]:.5g} meanwhile"
+            )
+            found.append(Finding("gap", weight, text, "cut the file there, or record again without a gap"))
+    return tuple(found[:1])
 
 
 def _feedback_only(record: Record) -> list[Finding]:

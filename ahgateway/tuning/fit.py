@@ -185,6 +185,15 @@ def fit(
     return _finished(problem, best.x, record.timing_s)
 
 
+def left_over(record: Record, near: Fit, mv: Array) -> float:
+    """Return the sum of squared prediction errors where only gain, free motion and load are fitted to another MV."""
+    kind, coloured = near.model.kind, near.noise_model is not None
+    y = record.pv - record.pv[0]
+    problem = _Problem(kind, record.t_s - record.t_s[0], y, mv - mv[0], record.ts_s, coloured, False)
+    errors = problem.errors(near.point)
+    return float(errors @ errors)
+
+
 def _bounds(problem: _Problem) -> tuple[Array, Array]:
     span, ts = float(problem.t_s[-1]), problem.ts_s
     low, high = [0.0], [0.5 * span]

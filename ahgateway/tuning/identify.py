@@ -10,15 +10,14 @@ winner is asked whether an evenly rising load, a valve with play or friction, or
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ahgateway.tuning import checks
 from ahgateway.tuning.findings import Finding, Weight, refused
-from ahgateway.tuning.fit import Fit, driven, fit
+from ahgateway.tuning.fit import Fit, driven, fit, left_over
 from ahgateway.tuning.models import Kind
 from ahgateway.tuning.noise import Whiteness, noise, resolution, whiteness
 from ahgateway.tuning.record import Record, checked, even
@@ -36,7 +35,10 @@ BAND_MIN = 0.05
 ASYMMETRY_MIN = 0.2
 """Smallest difference of two gains that is spoken of, as a share of the larger."""
 ORDER = (Kind.IPDT, Kind.FOPDT, Kind.SOPDT)
-BANDS = (0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
+TWO_GAINS_ROUNDS = 5
+WORN_TRIED = 4
+"""Of each kind of worn valve the most probable ones are fitted in full."""
+BANDS = tuple(0.05 * step for step in range(1, 17))
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,9 +81,10 @@ def identify(raw: Record, kind: Kind | None = None) -> Identification:
     Raises:
         ProfileError: Too few samples, or time that does not rise.
     """
-    record = even(checked(raw))
+    whole = checked(raw)
+    record = even(whole)
     size, step = noise(record.pv), resolution(record.pv)
-    first = list(checks.before(record))
+    first = [*checks.gaps(whole), *checks.before(record)]
     if not raw.is_even:
         first.append(_resampled(raw, record))
     if any(finding.weight is Weight.REFUSED for finding in first):
@@ -161,19 +164,30 @@ def _nonlinear(record: Record, chosen: Fit) -> tuple[Finding, ...]:
     penalty = math.log(record.pv.size)
     best_bic = chosen.bic - SURE
     best: tuple[Finding, ...] = ()
-    shapes: tuple[tuple[str, Callable[[Array, float], Array]], ...] = (("backlash", backlash), ("stiction", stiction))
-    for name, shape in shapes:
-        for share in BANDS:
-            position = shape(record.input, share * reach)
-            if float(np.ptp(position)) <= 0.0 or np.array_equal(position, record.input):
-                continue
-            tried = fit(record, kind, noise=coloured, mv=position, near=chosen)
-            if tried.bic + penalty < best_bic:
-                best_bic, best = tried.bic + penalty, (_valve(name, share * reach, share, chosen.bic - best_bic),)
+    for name, share, position in _worn(record, chosen):
+        tried = fit(record, kind, noise=coloured, mv=position, near=chosen)
+        bic = tried.bic + (2.0 if name == "backlash" else 1.0) * penalty
+        if bic < best_bic:
+            best_bic, best = bic, (_valve(name, share * reach, share, chosen.bic - bic),)
     two = _two_gains(record, chosen)
-    if two is not None and two[0] + penalty < best_bic:
-        return (two[1],)
-    return best
+    return (two[1],) if two is not None and two[0] + penalty < best_bic else best
+
+
+def _worn(record: Record, chosen: Fit) -> list[tuple[str, float, Array]]:
+    """The most probable valves with play or friction: name, share of MV's range, position."""
+    reach = float(np.ptp(record.mv))
+    out: list[tuple[str, float, Array]] = []
+    for name, starts in (("backlash", (-0.5, 0.0, 0.5)), ("stiction", (0.0,))):
+        tried = []
+        for share in BANDS:
+            for start in starts:
+                band = share * reach
+                position = backlash(record.input, band, start) if name == "backlash" else stiction(record.input, band)
+                if float(np.ptp(position)) > 0.0 and not np.array_equal(position, record.input):
+                    tried.append((left_over(record, chosen, position), share, position))
+        tried.sort(key=lambda each: each[0])
+        out += [(name, share, position) for _, share, position in tried[:WORN_TRIED]]
+    return out
 
 
 def _valve(name: str, band: float, share: float, sure: float) -> Finding:
@@ -190,22 +204,20 @@ def _two_gains(record: Record, chosen: Fit) -> tuple[float, Finding] | None:
     reach = float(np.ptp(u))
     if min(float(u.max()), -float(u.min())) < 0.1 * reach:
         return None
-    unit = chosen.model
-    scale = 1.0 / unit.gain
-    above = driven(unit, np.maximum(u, 0.0), record.ts_s) * scale
-    below = driven(unit, np.minimum(u, 0.0), record.ts_s) * scale
-    rest = chosen.simulated - chosen.moved
-    y = record.pv - record.pv[0] - rest
-    columns = np.column_stack([above, below, np.ones_like(y)])
-    gains = np.linalg.lstsq(columns, y, rcond=None)[0]
-    errors = y - columns @ gains
-    n = y.size
-    # Both are compared as white noise around the simulation; the coloured criterion is moved by the same amount.
-    plain = n * math.log(max(float(np.sum((y - chosen.moved - np.mean(y - chosen.moved)) ** 2)), 1e-300) / n)
-    bic = chosen.bic - plain + n * math.log(max(float(errors @ errors), 1e-300) / n)
-    up, down = float(gains[0]), float(gains[1])
+    tried, up, down = chosen, 0.0, 0.0
+    for _ in range(TWO_GAINS_ROUNDS):
+        unit = replace(tried.model, gain=1.0)
+        above = driven(unit, np.maximum(u, 0.0), record.ts_s)
+        below = driven(unit, np.minimum(u, 0.0), record.ts_s)
+        y = record.pv - record.pv[0] - (tried.simulated - tried.moved)
+        up, down, _ = np.linalg.lstsq(np.column_stack([above, below, np.ones_like(y)]), y, rcond=None)[0].tolist()
+        mean = 0.5 * (up + down)
+        if mean == 0.0:
+            return None
+        bent = record.input[0] + np.where(u > 0.0, up / mean, down / mean) * u
+        tried = fit(record, chosen.model.kind, noise=chosen.noise_model is not None, mv=bent, near=chosen)
     if abs(up - down) < ASYMMETRY_MIN * max(abs(up), abs(down)):
         return None
     text = f"the gain is {up:.3g} above MV {record.mv[0]:g} and {down:.3g} below it"
-    hint = "tune for the larger gain, or give the loop two sets of gains"
-    return bic, Finding("direction-gain", Weight.WARNING, text, hint)
+    hint = "tune for the larger gain, or give the loop two sets; a doublet cannot tell this from play, more steps can"
+    return tried.bic, Finding("direction-gain", Weight.WARNING, text, hint)

@@ -8,10 +8,16 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def backlash(mv: Array, play: float) -> Array:
-    """Return the valve's position when it follows MV with this play: it moves only when pushed from one side."""
+def backlash(mv: Array, play: float, start: float = 0.0) -> Array:
+    """Return the valve's position when it follows MV with this play: it moves only when pushed from one side.
+
+    Args:
+        mv: What it is told.
+        play: Between the two sides, in MV.
+        start: Where it stands within its play at first: −½ where it was opened last, ½ where it was closed.
+    """
     half = play / 2.0
-    position = float(mv[0])
+    position = float(mv[0]) + start * play
     out = np.empty_like(mv)
     for index, wanted in enumerate(mv.tolist()):
         position = min(max(position, wanted - half), wanted + half)

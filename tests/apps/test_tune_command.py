@@ -55,6 +55,40 @@ def test_a_missing_column_and_a_wrong_cell_are_named_with_their_place(tmp_path):
         read_csv(file)
 
 
+@pytest.mark.parametrize(
+    ("content", "text"),
+    [
+        (b"time,SV,PV,MV\n", "has no samples"),
+        (bytes(range(256)) * 4, "is no text file"),
+        (b"0.0,80,80,40\n0.2,80,80,40\n", "no column looks like time, there are 0.0, 80, 80, 40"),
+        (b"time,PV,MV\n01.03.2026 12:00,1,2\n", "is no number"),
+    ],
+)
+def test_a_file_that_is_no_trace_is_an_error_of_the_file_and_not_ours(tmp_path, content, text):
+    file = tmp_path / "a.csv"
+    file.write_bytes(content)
+    with pytest.raises(ProfileError, match=text):
+        read_csv(file)
+
+
+@pytest.mark.parametrize(
+    ("head", "encoding", "factor"),
+    [("time [ms];SV [°C];PV [°C];MV [%]", "utf-16", 1000), ("time_ms;sv;pv;mv", "cp1252", 1000),
+     ("t (s);sp;pv (bar);op", "utf-8-sig", 1)],
+)  # fmt: skip
+def test_units_and_encodings_of_trend_programs_are_read(tmp_path, head, encoding, factor):
+    file = tmp_path / "a.csv"
+    rows = [f"{time * factor};80,5;79,25;40" for time in (0, 1, 2)]
+    file.write_text("\r\n".join([head, *rows]), encoding=encoding)
+    found = read_csv(file)
+    assert ([0.0, 1.0, 2.0], [80.5] * 3, [79.25] * 3) == (found.t_s.tolist(), found.sv.tolist(), found.pv.tolist())
+
+
+def test_a_robust_rule_that_may_not_be_written_is_named(tmp_path):
+    found = tune(doublet(MODEL), "DPIDE", NOW, rules=TWO, writable=frozenset({"SV"}))
+    assert "the profile lets nobody write Kc_Kp, Ti_Ki, Td_Kd, Tf; by its numbers it would be SIMC PI" in as_text(found)
+
+
 def test_closed_loop_data_are_run_again_with_the_new_gains():
     """The present gains on the recorded run give back the recorded MV: the disturbance and the model are the run's."""
     record = closed(MODEL, {"Kc_Kp": 1.0, "Ti_Ki": 25.0, "Td_Kd": 0.0})

@@ -192,3 +192,20 @@ async def test_an_mv_at_its_limit_leaves_no_room_and_is_refused(tmp_path):
     with pytest.raises(StateError, match="MV stands at 40 and may go from 10 to 40: saturated, there is no room"):
         await experiment.run(Wanted(Kind.DOUBLET))
     assert [False] == world.holds("PID_MAN")
+
+
+async def test_an_integrating_process_never_settles_and_ends_in_time_all_the_same(tmp_path):
+    """Each of three legs takes a quarter of the time at most; PV comes back to where it was."""
+    world, experiment, _ = world_with(
+        tmp_path, PlantSpec("integrating", 0.05, 0.0, 1.0, -2.0, 0.02, 80.0), initial_more={"Kc_Kp": 3.0, "Ti_Ki": 0.1}
+    )
+    world.clock.advance_ns(120_000_000_000)
+    world.plc.answer(Read(1, Table.HOLDING, 100, 1))
+    experiment.envelope = Envelope((40.0, 120.0), (10.0, 90.0), time_s=90.0)
+    record, _ = await experiment.run(Wanted(Kind.DOUBLET))
+    assert record.t_s[-1] < 110.0
+    assert [False] == world.holds("PID_MAN")
+    found = identify(record)
+    assert Process.IPDT is found.fit.model.kind
+    assert 0.05 == pytest.approx(found.fit.model.gain, rel=0.05)
+    assert abs(float(record.pv[-1] - record.pv[0])) < 2.0

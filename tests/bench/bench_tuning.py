@@ -2,7 +2,9 @@
 
     python tests/bench/bench_tuning.py [runs]
 
-The batch stands in `tests/tuning_batch.py`, and what CI asks of it in `tests/tuning/test_published_batch.py`.
+Exit code 1 when a parameter's 95 % interval holds the truth less often than four standard deviations of chance below
+95 % of the runs allow. The batch stands in `tests/tuning_batch.py`, and what CI asks of it in
+`tests/tuning/test_published_batch.py`.
 """
 
 from __future__ import annotations
@@ -60,8 +62,9 @@ def batch() -> None:
         say(f"{name:<18} {model.kind.value:<6} {100 * error:5.1f}%  {'   '.join(cells)}   {names_found or ''}")
 
 
-def coverage(runs: int) -> None:
-    """Print the share of 95 % intervals that hold the truth."""
+def coverage(runs: int) -> bool:
+    """Print the share of 95 % intervals that hold the truth; tell whether all of them are within chance of 95 %."""
+    bar, good = 0.95 - 4.0 * (0.95 * 0.05 / runs) ** 0.5, True
     for model in (
         Model(Kind.FOPDT, 1.5, 4.3, 20.0), Model(Kind.SOPDT, 1.5, 2.1, 6.0, 0.5), Model(Kind.SOPDT, 1.5, 2.1, 6.0, 1.3),
         Model(Kind.IPDT, 0.02, 3.2),
@@ -74,17 +77,21 @@ def coverage(runs: int) -> None:
                     hits.setdefault(name, 0)
                     hits[name] += abs(getattr(found.model, name) - getattr(model, name)) <= half
             shares = ", ".join(f"{name} {100 * count / runs:.0f} %" for name, count in hits.items())
+            good = good and all(count >= bar * runs for count in hits.values())
             say(f"{model.kind.value:<6} ζ {model.zeta:<4g} noise {noise:<4g} {runs} runs: {shares}")
+    return good
 
 
-def main() -> None:
+def main() -> int:
+    """Run both; return the exit code."""
     runs = int(sys.argv[1]) if len(sys.argv) > 1 else 100
     begun = time.perf_counter()
     batch()
     say(f"batch: {time.perf_counter() - begun:.1f} s\n")
-    coverage(runs)
-    say(f"in all {time.perf_counter() - begun:.1f} s")
+    good = coverage(runs)
+    say(f"in all {time.perf_counter() - begun:.1f} s: {'passed' if good else 'FAILED'}")
+    return 0 if good else 1
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

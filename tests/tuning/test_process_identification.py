@@ -135,6 +135,28 @@ def test_a_worn_valve_is_named_and_gains_are_not_proposed(shape, name):
     assert "fix the valve" in next(each for each in found.findings if each.name == name).hint
 
 
+def test_play_of_a_valve_that_was_opened_last_is_backlash_and_no_second_gain():
+    """Up it follows at once, down it lacks its play; a doublet alone could be two gains, a second one could not."""
+    mv = 40.0 + np.repeat([0.0, 8.0, -8.0, 0.0, 6.0, -3.0, 0.0], [60, 90, 90, 90, 90, 90, 90])
+    found = identify(answered(FIRST, mv, position=backlash(mv, 4.0, -0.5)))
+    assert ["backlash"] == names(found)
+    assert "about 4 in MV" in next(each.text for each in found.findings if each.name == "backlash")
+
+
+def test_a_gap_in_which_mv_moved_is_refused_and_one_without_is_not():
+    record = doublet(FIRST)
+    move = int(np.flatnonzero(np.diff(record.mv))[1])
+
+    def without(first, last):
+        kept = np.r_[:first, last : record.t_s.size]
+        return Record(*(values[kept] for values in (record.t_s, record.sv, record.pv, record.mv)))
+
+    found = identify(without(move - 10, move + 10))
+    assert ["gap"] == names(found)
+    assert "10.5 s are missing from" in next(each.text for each in found.findings if each.name == "gap")
+    assert not identify(without(20, 40)).is_refused
+
+
 def test_a_gain_that_depends_on_the_direction_is_stated():
     mv = doublet(FIRST, count=800).mv
     half = np.where(mv > 40.0, 40.0 + 2.0 * (mv - 40.0), mv)

@@ -13,7 +13,7 @@ from ahgateway.tuning.canonical import Canonical, standard
 from ahgateway.tuning.margins import margins
 from ahgateway.tuning.models import Kind, Model
 from ahgateway.tuning.predict import judge_load, judge_setpoint, simulate
-from ahgateway.tuning.propose import LoopForm, proposals, recommended
+from ahgateway.tuning.propose import GAIN_NAMES, LoopForm, proposals, recommended
 from ahgateway.tuning.rules import RULES, apply, ultimate
 from ahgateway.tuning.runner import delta
 
@@ -139,13 +139,27 @@ def test_overshoot_of_an_underdamped_loop():
     assert 16.3 == pytest.approx(judge_setpoint(response, (50.0, 50.0)).overshoot_percent, abs=0.5)
 
 
-def test_proposals_hold_what_registers_can_hold_and_the_right_direction():
+@pytest.mark.parametrize(
+    ("block", "now"),
+    [
+        ("DPID", {"CYCLE": 5}),
+        ("DPIDE", {"CYCLE": 50, "PID_EQ": True}),
+        ("DPIDE", {"CYCLE": 50, "PID_EQ": False}),
+    ],
+)
+def test_proposals_hold_what_registers_can_hold_and_the_right_direction(block, now):
+    """CYCLE in units of 10 and of 1 ms; gains in REALs, in either form, are the rule's to 1 part in 5 million."""
     model = Model(Kind.FOPDT, -1.5, 4.0, 20.0)
-    loop = LoopForm("DPID", {"CYCLE": 50}, (50.0, 40.0), 5.0, 5.0)
-    found = proposals(model, loop)
-    assert all(each.settings["PID_DIR"] is False for each in found)
+    names = ("SIMC PI", "AMIGO PID", "Tyreus-Luyben PI")
+    loop = LoopForm(block, now, (50.0, 40.0), 5.0, 5.0)
+    found = proposals(model, loop, rules=tuple(BY_NAME[name] for name in names))
     for each in found:
-        assert each.settings["Kp"] == float(np.float32(each.settings["Kp"]))
+        kc, ti, td = gains(each.name, model, 0.05)
+        form = (kc, ti, td) if now.get("PID_EQ") else (kc, kc / ti, kc * td)
+        held = tuple(each.settings[name] for name in GAIN_NAMES if name in each.settings)[:3]
+        assert form == pytest.approx(held, rel=2e-7)
+        assert all(value == float(np.float32(value)) for value in held)
+        assert (0.05, -1, False) == (each.canonical.ts_s, each.canonical.sign, each.settings["PID_DIR"])
         assert each.margins.is_stable
     best = recommended(found)
     assert best.margins.ms <= 1.7

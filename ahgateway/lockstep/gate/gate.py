@@ -308,7 +308,10 @@ class Gate:
                 f"loop {self.loop.name} is {self.state.value}, nothing is written", hint="`--arm LOOP` arms one loop"
             )
         if self._clock.now_ns() >= self._ends_ns:
-            error = StateError(f"loop {self.loop.name}: the time for which it was armed is over")
+            error = StateError(
+                f"loop {self.loop.name}: the time for which it was armed is over; what was written has been put back",
+                hint="a longer --seconds, or for `ahgateway write` a longer --duration",
+            )
             await self._undo(error)
             raise error
         if self._guard is not None:
