@@ -558,8 +558,6 @@ class Gate:
         self._papers.close()
 
     def _unclean(self, restored: Restored, cause: BaseException | None) -> StateError:
+        where = f"loop {self.loop.name}: "
         first = f"{cause.message if isinstance(cause, AhGatewayError) else cause}; " if cause is not None else ""
-        return StateError(
-            f"loop {self.loop.name}: {first}{restored.text(self.loop)}",
-            hint=UNCLEAN_HINT,
-        )
+        return StateError(f"{where}{first.removeprefix(where)}{restored.text(self.loop)}", hint=UNCLEAN_HINT)

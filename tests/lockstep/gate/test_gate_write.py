@@ -13,7 +13,7 @@ from ahgateway.clock import SECOND, VirtualClock
 from ahgateway.codec.access import Read, Request
 from ahgateway.codec.devices import parse_device
 from ahgateway.codec.station import WriteLimit
-from ahgateway.errors import AhGatewayError, LinkError, PlcRefusedError, ReplyTimeoutError, StateError
+from ahgateway.errors import AhGatewayError, LinkError, PlcRefusedError, ReplyTimeoutError, StateError, TransportError
 from ahgateway.lockstep.gate.change import line
 from ahgateway.lockstep.gate.journal import verify
 from ahgateway.lockstep.gate.states import State
@@ -358,6 +358,16 @@ async def test_a_write_that_never_arrived_is_not_repeated_either(world: GateWorl
             await gate.write({"SV": 52.5})
     assert [] == world.sent()
     assert State.DISARMED is gate.state
+
+
+async def test_a_line_too_slow_for_a_picture_is_the_link_s_fault_and_nobody_else_s(world: GateWorld) -> None:
+    def slow(when: str, request) -> None:
+        world.clock.advance_ns(SECOND // 10)
+
+    with pytest.raises(TransportError, match="no picture without an execution inside it, 16 were taken") as caught:
+        await world.gate(FailingLink(world.link, slow)).arm("test")
+    assert "too slow for this CYCLE" in str(caught.value.hint)
+    assert [] == world.sent()
 
 
 async def test_a_link_lost_behind_a_write_says_which_and_what_came_of_it(world: GateWorld) -> None:
