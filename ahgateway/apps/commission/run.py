@@ -21,7 +21,7 @@ from ahgateway.core.operands import Kind
 from ahgateway.errors import AhGatewayError, TransportError
 from ahgateway.lockstep.gate.gate import Gate
 from ahgateway.lockstep.gate.journal import verify
-from ahgateway.lockstep.gate.place import journal_path
+from ahgateway.lockstep.gate.place import Place, journal_path
 from ahgateway.lockstep.patient import Patient
 from ahgateway.lockstep.picture import Picture
 from ahgateway.transports.base import Link
@@ -74,7 +74,7 @@ class Commission:
         clock: Gives all times.
         progress: What was done before.
         path: Where progress is kept, None for nowhere.
-        gates: Directory of journals and leases.
+        gates: Place of journals and leases.
         maps: Device maps to try when the profile's own does not fit.
         who: Who asks.
         witness: Keeps what is seen and written.
@@ -90,7 +90,7 @@ class Commission:
         progress: Progress,
         *,
         path: Path | None,
-        gates: Path,
+        gates: Place,
         maps: Sequence[DeviceMap] = (),
         who: str = "",
         witness: Witness | None = None,

@@ -15,7 +15,9 @@ from ahgateway.codec.devices import parse_device
 from ahgateway.codec.station import WriteLimit
 from ahgateway.errors import AhGatewayError, LinkError, PlcRefusedError, ReplyTimeoutError, StateError, TransportError
 from ahgateway.lockstep.gate.change import line
+from ahgateway.lockstep.gate.gate import Gate
 from ahgateway.lockstep.gate.journal import verify
+from ahgateway.lockstep.gate.place import Folders
 from ahgateway.lockstep.gate.states import State
 
 SV, MV_MAX, MOUT, PID_MAN = 100, 118, 122, 2
@@ -427,8 +429,21 @@ async def test_a_second_gateway_is_refused_while_the_first_is_armed(world: GateW
             StateError, match=r"loop L1 is armed by another gateway on this machine \(process \d+, first\)"
         ):
             await world.gate(who="second").arm("test")
-    async with world.gate(who="second").armed("test"):
-        assert world.gate().path.with_suffix(".lease").exists()
+    async with world.gate(who="second").armed("test") as gate:
+        assert State.ARMED is gate.state
+
+
+async def test_another_directory_for_the_journal_is_no_way_around_the_lease(world: GateWorld) -> None:
+    def gate(journals: str, target: str) -> Gate:
+        station = replace(world.station, target=target)
+        place = Folders(world.folder / journals, world.folder / "leases")
+        return Gate(station, world.loop, world.link, world.clock, place, who=journals)
+
+    async with gate("one", "modbus+tcp://192.0.2.10").armed("test"):
+        with pytest.raises(StateError, match=r"armed by another gateway on this machine \(process \d+, one\)"):
+            await gate("two", "modbus+tcp://192.0.2.10:502?unit=1").arm("test")
+        async with gate("two", "modbus+tcp://192.0.2.11").armed("another PLC") as other:
+            assert world.folder / "two" == other.path.parent
 
 
 async def test_stop_en_off_and_an_empty_block_are_not_armed(world: GateWorld) -> None:
