@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from ahgateway.apps.tune import Tuning, named
@@ -19,6 +18,7 @@ from ahgateway.clock import Clock
 from ahgateway.codec.station import Loop, Station
 from ahgateway.errors import AhGatewayError
 from ahgateway.lockstep.gate.gate import Gate
+from ahgateway.lockstep.gate.place import Place
 from ahgateway.lockstep.picture import Sampler
 from ahgateway.transports.base import Link
 from ahgateway.tuning.blocks import Params
@@ -73,7 +73,7 @@ class Session:
     """
 
     def __init__(
-        self, station: Station, loop: Loop, link: Link, clock: Clock, folder: Path, bounds: Envelope, *,
+        self, station: Station, loop: Loop, link: Link, clock: Clock, folder: Place, bounds: Envelope, *,
         who: str = "", told: Callable[[str], None] = lambda text: None, witness: Witness | None = None,
     ) -> None:  # fmt: skip
         witness = witness or Witness(loop, None)

@@ -8,7 +8,7 @@ import json
 import sys
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -21,6 +21,7 @@ from ahgateway.cli.view import Output
 if TYPE_CHECKING:
     from ahgateway.apps.commission.checks import Check, Progress, Step
     from ahgateway.apps.commission.run import Commission, Wishes
+    from ahgateway.apps.commission.sheet import Heading
     from ahgateway.apps.commission.wiring import Envelope
     from ahgateway.clock import Clock
     from ahgateway.codec.station import Loop, Station
@@ -38,9 +39,7 @@ class Asked:
     """What was typed, apart from the wishes of the run."""
 
     auto: bool
-    by: str
-    instruments: tuple[str, ...]
-    remarks: str
+    heading: Heading
     state: Path
     sheet: Path
     fresh: bool
@@ -93,6 +92,7 @@ def commission(
     """
     from ahgateway.apps.commission.link import Patience
     from ahgateway.apps.commission.run import Wishes
+    from ahgateway.apps.commission.sheet import Heading
     from ahgateway.cli.targets import resolved
     from ahgateway.clock import SECOND
     from ahgateway.errors import ProfileError
@@ -113,7 +113,7 @@ def commission(
         Patience(round(search * SECOND), round(idle * SECOND)),
     )  # fmt: skip
     asked = Asked(
-        auto, who_asks(by), tuple(map(legible, instrument or ())), legible(remarks),
+        auto, Heading(legible(by or ""), tuple(map(legible, instrument or ())), legible(remarks)),
         state or Path(f"commission-{found.name}.json"), sheet or Path(f"commission-{found.name}.html"), fresh, save,
         directory, output, tape,
     )  # fmt: skip
@@ -140,6 +140,8 @@ async def _commission(loaded: Profile, station: Station, loop: Loop, wishes: Wis
 
     mark = hashlib.sha256(loaded.text.encode("utf-8")).hexdigest()
     progress = Progress(loop.name, mark) if asked.fresh else resume(asked.state, loop.name, mark)
+    typed = sheet.Heading.kept(progress, asked.heading)
+    heading = replace(typed, by=typed.by or who_asks(None))
     clock, link_maker = _opening(station)
     maps = [device_map.load(name) for name in files.names(files.shipped())]
     with ExitStack() as stack:
@@ -147,14 +149,13 @@ async def _commission(loaded: Profile, station: Station, loop: Loop, wishes: Wis
         work = Commission(
             station, loop, link_maker(sink.tap), clock, progress,
             path=asked.state, gates=stack.enter_context(gate_directory(station, asked.directory)), maps=maps,
-            who=asked.by, witness=sink.witness(loop), begins=_begins(station, wishes),
+            who=heading.by, witness=sink.witness(loop), begins=_begins(station, wishes),
         )  # fmt: skip
         _resumed(progress)
         await until_stopped(
             work.run(wishes, _said, consent=lambda bounds: _consents(work.station, loop, bounds, asked.auto))
         )
     _changes(loaded, work, asked.save)
-    heading = sheet.Heading(asked.by, asked.instruments, asked.remarks)
     utc_ns = clock.utc_ns()
     _write_file(asked.sheet, sheet.html(progress, work.station, loop, heading, utc_ns))
     if asked.output is Output.JSON:
@@ -232,9 +233,9 @@ def _said(step: Step, checks: Sequence[Check]) -> None:
     from ahgateway.apps.commission.catalogue import CATALOGUE
 
     reasons = {check.text for check in checks}
-    if len(reasons) == 1 and len(checks) > 1 and checks[0].outcome.value == "skipped":
+    if len(reasons) == 1 and len(checks) > 1 and checks[-1].outcome.value == "skipped":
         first, last = (CATALOGUE[check.name].code for check in (checks[0], checks[-1]))
-        typer.echo(f"  {MARKS['skipped']} {first}…{last} left out: {checks[0].text}", err=True)
+        typer.echo(f"  {MARKS[checks[0].outcome.value]} {first}…{last} left out: {checks[0].text}", err=True)
         return
     for check in checks:
         kind = CATALOGUE[check.name]

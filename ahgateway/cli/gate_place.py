@@ -12,22 +12,31 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
     from ahgateway.codec.station import Loop, Station
+    from ahgateway.lockstep.gate.place import Place
 
 Result = TypeVar("Result")
 
 
 @contextlib.contextmanager
-def gate_directory(station: Station, directory: Path | None) -> Iterator[Path]:
-    """Yield the directory of journals and leases; a fake PLC ends with us, and so does its journal."""
-    if directory is not None:
-        yield directory
-    elif station.target.startswith("fake://"):
-        with tempfile.TemporaryDirectory(prefix="ahgateway-") as folder:
-            yield Path(folder)
-    else:
-        from platformdirs import user_data_path
+def gate_directory(station: Station, directory: Path | None) -> Iterator[Place]:
+    """Yield where journals and leases stand; a fake PLC ends with us, and so does its journal.
 
-        yield user_data_path("ahgateway", appauthor=False) / "gate"
+    Leases of a real PLC are always at the same place: another directory for the journal is no way around them.
+    """
+    from ahgateway.lockstep.gate.place import Folders
+
+    if station.target.startswith("fake://"):
+        with tempfile.TemporaryDirectory(prefix="ahgateway-") as folder:
+            yield directory or Path(folder)
+        return
+    from platformdirs import user_data_path, user_state_path
+
+    leases = user_state_path("ahgateway", appauthor=False) / "leases"
+    try:
+        leases.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        leases = Path(tempfile.gettempdir()) / "ahgateway" / "leases"
+    yield Folders(directory or user_data_path("ahgateway", appauthor=False) / "gate", leases)
 
 
 def who_asks(by: str | None) -> str:

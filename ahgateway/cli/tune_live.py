@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from ahgateway.apps.tune_session import Gains, Live, Session
     from ahgateway.apps.tune_sitting import Envelope
     from ahgateway.codec.station import Loop, Station
+    from ahgateway.lockstep.gate.place import Place
     from ahgateway.tuning.record import Record
 
 Result = TypeVar("Result")
@@ -126,7 +127,7 @@ def _at_the_loop(
     def told(text: str) -> None:
         typer.echo(text, err=True)
 
-    async def run(folder: Path) -> Result:
+    async def run(folder: Place) -> Result:
         clock = WallClock()
         with recorded(tape, one_loop(station, loop), clock, told) as sink:
             async with open_target(station, clock, sink.tap) as link:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from ahgateway.codec.station import Loop, Station
     from ahgateway.lockstep.gate.gate import Gate
     from ahgateway.lockstep.gate.outcome import Plan, Restored
+    from ahgateway.lockstep.gate.place import Place
 
 
 def write(
@@ -67,7 +68,7 @@ def write(
 async def carry_out(
     station: Station,
     loop: Loop,
-    folder: Path,
+    folder: Place,
     task: str,
     texts: list[str],
     reason: str,

@@ -26,6 +26,8 @@ PREDEFINED_PDOS = 4
 PDO_OFF = 0x8000_0000
 UNSIGNED8, UNSIGNED16, UNSIGNED32, REAL32 = 0x0005, 0x0006, 0x0007, 0x0008
 RECEIVED_EVENT = 254
+EDS_DATE = "01-01-2026"
+"""CiA 306 wants dates; it is always the same one, so that equal profiles give equal text."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +136,9 @@ def _communication(layout: NodeLayout, number: int) -> list[str]:
 def _file_info(layout: NodeLayout, version: str) -> str:
     name = "".join(sign if sign.isalnum() else "_" for sign in layout.name)
     rows = [("FileName", f"{name}.eds"), ("FileVersion", "1"), ("FileRevision", "0"), ("EDSVersion", "4.0")]
-    rows += [("Description", f"ahgateway {version} beside {layout.name}"), ("CreatedBy", f"ahgateway {version}")]
+    rows += [("Description", f"ahgateway {version} beside {layout.name}")]
+    for what, by in (("Creation", "CreatedBy"), ("Modification", "ModifiedBy")):
+        rows += [(f"{what}Time", "12:00AM"), (f"{what}Date", EDS_DATE), (by, f"ahgateway {version}")]
     return _section("FileInfo", rows)
 
 

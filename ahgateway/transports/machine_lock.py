@@ -108,7 +108,7 @@ def hold(path: Path, taken: str, hint: str, **facts: Any) -> MachineLock:
     except OSError as error:
         raise StateError(
             f"lock {path}: cannot be opened: {error.strerror}",
-            hint="is there room, and may you write there? `--directory` names another place",
+            hint="is there room, and may you write there?",
         ) from error
     if isinstance(found, MachineLock):
         return found

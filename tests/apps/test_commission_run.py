@@ -31,6 +31,7 @@ from ahgateway.apps.commission.wiring import Envelope, envelope
 from ahgateway.codec.access import Table
 from ahgateway.codec.block import COUNTER
 from ahgateway.codec.devices import parse_device
+from ahgateway.core.dialect import TsSource
 from ahgateway.core.verdict import Exit
 from ahgateway.errors import LinkError, ProfileError, StateError
 from ahgateway.lockstep.gate.gate import Gate
@@ -153,6 +154,29 @@ async def test_without_arm_or_consent_nothing_is_written(tmp_path) -> None:
     checks = await bench.commission(WISHES, consents=False)
     assert "nobody consented" == checks["bump"].text
     assert set() == bench.touched()
+
+
+async def test_a_step_5_that_was_asked_for_and_cannot_begin_is_no_pass(tmp_path) -> None:
+    bench = Bench(tmp_path)
+    loop = bench.station.loops[0]
+    bench.station = replace(bench.station, loops=(replace(loop, writes={}),))
+    checks = await bench.commission()
+    assert Outcome.INCONCLUSIVE is checks["pv-does-not-answer"].outcome
+    assert "MOUT and PID_MAN are not on the list" in checks["bump"].text
+    assert Exit.INCONCLUSIVE is exit_for(checks.values())
+    assert not bench.progress.is_done(Step.WIRING)
+
+
+async def test_the_dialect_stands_beside_the_verdict_and_on_the_sheet(tmp_path) -> None:
+    bench = Bench(tmp_path)
+    loop = bench.station.loops[0]
+    measured = loop.dialect._replace(ts_source=TsSource.MS)
+    bench.station = replace(bench.station, loops=(replace(loop, dialect=measured),))
+    checks = await bench.commission(replace(WISHES, is_armed=False))
+    assert checks["diverged"].text.endswith("; dialect: ts_source = ms")
+    assert '<td colspan="3">ts_source = ms</td>' in sheet.html(
+        bench.progress, bench.station, bench.loop(), sheet.Heading(), 0
+    )
 
 
 async def test_step_5_is_not_begun_before_step_3_is_clean(tmp_path) -> None:

@@ -7,6 +7,7 @@ configuration examples of canopensolutions.com; data fields are copied from ther
 from __future__ import annotations
 
 import pytest
+from canopen.sdo.exceptions import SdoAbortedError
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -214,5 +215,6 @@ def test_garbage_ends_in_an_error_of_ours_or_in_nothing(replies: list[bytes]) ->
     assert len(transfer.value) <= 4096
 
 
-def test_every_abort_code_has_a_name() -> None:
-    assert all(name for name, _ in ABORTS.values())
+def test_the_abort_codes_are_those_of_another_implementation_and_each_has_a_name() -> None:
+    assert set(SdoAbortedError.CODES) == set(ABORTS)
+    assert 31 == len({name for name, _ in ABORTS.values()} - {""})

@@ -15,7 +15,6 @@ import random
 from collections.abc import AsyncIterator, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite
-from pathlib import Path
 from typing import Any
 
 from ahgateway.apps.check.keep import Recordings, kept
@@ -35,7 +34,7 @@ from ahgateway.errors import AhGatewayError, StateError, TransportError
 from ahgateway.fake.rigs import make_rig
 from ahgateway.lockstep.follow import cycle_ns
 from ahgateway.lockstep.gate.gate import ARM_MAX_NS, Gate
-from ahgateway.lockstep.gate.place import bench_path
+from ahgateway.lockstep.gate.place import Place, bench_path
 from ahgateway.lockstep.picture import Picture
 from ahgateway.plants.rig import Rig
 from ahgateway.schema.scenario import Scenario
@@ -58,7 +57,7 @@ FLOOR_S = 3.0
 INSTRUCTIONS = ("DPID", "DPIDE")
 
 
-def bench_lease(folder: Path, target: str, who: str) -> MachineLock:
+def bench_lease(folder: Place, target: str, who: str) -> MachineLock:
     """Take a bench for as long as the process lives; one PLC, one run.
 
     Raises:
@@ -100,7 +99,7 @@ class LiveBench:
     station: Station
     link: Link
     clock: Clock
-    folder: Path
+    folder: Place
     loop: str = ""
     who: str = ""
     recordings: Recordings | None = None

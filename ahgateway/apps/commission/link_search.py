@@ -199,8 +199,10 @@ async def _answers(station: Station, loop: Loop, opener: Opener, done: Search) -
         return error.code not in NOT_THERE
     except LinkError as error:
         if port := _port(station.target):
-            # Without the target in front, which names the framing too.
-            done.closed.setdefault(port, []).append(f"{port}: {error.message.rpartition(': ')[2]}")
+            # Neither the target in front, which names the framing, nor what was asked: a port that refuses a setting
+            # says another thing each time, one that is not there always the same.
+            cause = error.message.partition(": ")[2].partition(", before an answer to")[0]
+            done.closed.setdefault(port, []).append(f"{port}: {cause}")
         return False
     except ProfileError:
         raise

@@ -22,6 +22,7 @@ from ahgateway.lockstep.follow import cycle_ns, output_of, process_value_of, tar
 from ahgateway.lockstep.gate.change import shown
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import began_anew
+from ahgateway.recording.station_text import dialect_json
 
 NOISE_MAX = 0.01
 """Standard deviation of PV's noise, as a share of its range."""
@@ -69,7 +70,7 @@ def judge_shadow(loop: Loop, seen: Observation, coverage_min: float) -> list[Che
         "unobservable": counts.unobservable, "link": counts.link, "total": counts.total,
         "coverage": round(counts.coverage, 4),
     }  # fmt: skip
-    text = reason(counts, coverage_min)
+    text = f"{reason(counts, coverage_min)}; dialect: {dialect_text(loop)}"
     checks: list[Check] = []
     if counts.diverged:
         suspect = seen.suspects[0] if seen.suspects else None
@@ -91,6 +92,13 @@ def judge_shadow(loop: Loop, seen: Observation, coverage_min: float) -> list[Che
     )
     checks.append(_restarted(loop, seen))
     return checks
+
+
+def dialect_text(loop: Loop) -> str:
+    """Name the dialect by which the reference computes: what the profile chose, for people."""
+    named, default = (dialect_json(loop.controller, each) for each in (loop.dialect, loop.controller.dialect))
+    chosen = [f"{axis} = {value}" for axis, value in named.items() if value != default[axis]]
+    return ", ".join(chosen) or "the default"
 
 
 def _restarted(loop: Loop, seen: Observation) -> Check:

@@ -21,7 +21,7 @@ from ahgateway.core.operands import Kind
 from ahgateway.errors import AhGatewayError, TransportError
 from ahgateway.lockstep.gate.gate import Gate
 from ahgateway.lockstep.gate.journal import verify
-from ahgateway.lockstep.gate.place import journal_path
+from ahgateway.lockstep.gate.place import Place, journal_path
 from ahgateway.lockstep.patient import Patient
 from ahgateway.lockstep.picture import Picture
 from ahgateway.transports.base import Link
@@ -74,7 +74,7 @@ class Commission:
         clock: Gives all times.
         progress: What was done before.
         path: Where progress is kept, None for nowhere.
-        gates: Directory of journals and leases.
+        gates: Place of journals and leases.
         maps: Device maps to try when the profile's own does not fit.
         who: Who asks.
         witness: Keeps what is seen and written.
@@ -90,7 +90,7 @@ class Commission:
         progress: Progress,
         *,
         path: Path | None,
-        gates: Path,
+        gates: Place,
         maps: Sequence[DeviceMap] = (),
         who: str = "",
         witness: Witness | None = None,
@@ -176,6 +176,7 @@ class Commission:
     async def _wiring(self, link: Link, wishes: Wishes, said: Said, consent: Callable[[wiring.Envelope], bool]) -> None:
         reason = "" if wishes.is_armed else f"not armed: --arm {self.loop.name} allows it"
         failed = [check.name for check in self.progress.steps.get(Step.LOOP, ()) if check.outcome is Outcome.FAIL]
+        reason = reason or wiring.without_manual(self.loop)
         reason = reason or (f"not before step 3 is clean: {', '.join(failed)}" if failed else "")
         gate = self._gate(link)
         self._begins(Step.WIRING)
@@ -191,8 +192,12 @@ class Commission:
                     return
                 reason = "nobody consented"
         except AhGatewayError as error:
-            reason = error.message
-        self._done(Step.WIRING, [skipped(name, reason) for name in wiring.NAMES], said)
+            # It was asked for and could not begin: that is no pass.
+            first, *others = wiring.NAMES
+            checks = [unclear(first, error.message), *(skipped(name, error.message) for name in others)]
+        else:
+            checks = [skipped(name, reason) for name in wiring.NAMES]
+        self._done(Step.WIRING, checks, said)
 
     async def _envelope(self, link: Link, wishes: Wishes) -> wiring.Envelope:
         seen = await self._glance(link, 2)

@@ -11,8 +11,10 @@ from typing import Any
 from ahgateway import __version__
 from ahgateway.apps.commission.catalogue import CATALOGUE
 from ahgateway.apps.commission.checks import Progress, Step, as_json, exit_for
+from ahgateway.apps.commission.reading import dialect_text
 from ahgateway.clock import SECOND
 from ahgateway.codec.station import Const, Loop, Station
+from ahgateway.recording.station_text import dialect_json
 
 VERDICT = {0: "PASS", 1: "FAIL", 3: "INCONCLUSIVE"}
 
@@ -24,6 +26,20 @@ class Heading:
     by: str = ""
     instruments: tuple[str, ...] = ()
     remarks: str = ""
+
+    @classmethod
+    def kept(cls, progress: Progress, typed: Heading) -> Heading:
+        """Return what was typed, now or in an earlier call, and keep it with the progress."""
+        before = progress.facts.get("heading", {})
+        found = cls(
+            typed.by or before.get("by", ""),
+            typed.instruments or tuple(before.get("instruments", ())),
+            typed.remarks or before.get("remarks", ""),
+        )
+        progress.facts["heading"] = {
+            "by": found.by, "instruments": list(found.instruments), "remarks": found.remarks,
+        }  # fmt: skip
+        return found
 
 
 def sheet_json(progress: Progress, station: Station, loop: Loop, heading: Heading, utc_ns: int) -> dict[str, Any]:
@@ -38,6 +54,8 @@ def sheet_json(progress: Progress, station: Station, loop: Loop, heading: Headin
         "station": {"name": station.name, "target": station.target, "unit": station.unit,
                     "device_map": station.devices.name},
         "loop": {"name": loop.name, "instruction": loop.controller.name,
+                 "dialect": {axis: value if isinstance(value, str) else float(value)
+                             for axis, value in dialect_json(loop.controller, loop.dialect).items()},
                  "devices": {name: str(getattr(each, "value", each)) for name, each in loop.bindings.items()}},
         "by": heading.by, "instruments": list(heading.instruments), "remarks": heading.remarks,
         "operands": differences(progress.facts, loop),
@@ -94,7 +112,12 @@ def html(progress: Progress, station: Station, loop: Loop, heading: Heading, utc
         for step in Step
     ]  # fmt: skip
     return template.render(
-        sheet=facts, when=_when(utc_ns), steps=steps, plots=plots, journal=facts["facts"].get("journal")
+        sheet=facts,
+        when=_when(utc_ns),
+        steps=steps,
+        plots=plots,
+        journal=facts["facts"].get("journal"),
+        dialect=dialect_text(loop),
     )
 
 
@@ -155,6 +178,7 @@ it says nothing about a plant</p>{% endif %}
 unit {{ sheet.station.unit }}</td></tr>
 <tr><th>Device map</th><td>{{ sheet.station.device_map }}</td><th>Written</th><td>{{ when }}</td></tr>
 <tr><th>By</th><td>{{ sheet.by or '—' }}</td><th>Instruments</th><td>{{ sheet.instruments|join(', ') or '—' }}</td></tr>
+<tr><th>Dialect</th><td colspan="3">{{ dialect }}</td></tr>
 {% if sheet.remarks %}<tr><th>Remarks</th><td colspan="3">{{ sheet.remarks }}</td></tr>{% endif %}
 </table>
 {% for step in steps %}

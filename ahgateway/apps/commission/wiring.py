@@ -17,7 +17,7 @@ from ahgateway.apps.commission.observe import trace
 from ahgateway.clock import MILLISECOND, SECOND, Clock
 from ahgateway.codec.station import Loop, Station, WriteLimit
 from ahgateway.codec.words import decode
-from ahgateway.errors import AhGatewayError, PlcRefusedError, StateError
+from ahgateway.errors import AhGatewayError, PlcRefusedError, StateError, TransportError
 from ahgateway.lockstep.follow import cycle_ns, output_of, process_value_of
 from ahgateway.lockstep.gate.change import in_manual, shown
 from ahgateway.lockstep.gate.gate import Gate
@@ -67,6 +67,14 @@ class TakenError(StateError):
     """Somebody else wrote to the loop."""
 
 
+def without_manual(loop: Loop) -> str:
+    """Say why this controller cannot be moved by hand, empty when it can."""
+    roles = loop.controller.roles
+    if roles.manual and roles.mout:
+        return ""
+    return f"{loop.controller.name} has no manual value by which its output could be moved in steps"
+
+
 def envelope(loop: Loop, picture: Picture, *, step: float | None = None, pv: float | None = None) -> Envelope:
     """Return an envelope around where the loop stands: a tenth of PV's range, the largest step, unless given.
 
@@ -74,8 +82,6 @@ def envelope(loop: Loop, picture: Picture, *, step: float | None = None, pv: flo
         StateError: The profile allows no MOUT, or nothing says how far PV may go.
     """
     roles = loop.controller.roles
-    if not roles.manual or not roles.mout:
-        raise StateError(f"{loop.controller.name} has no manual value by which its output could be moved in steps")
     limit = loop.writes.get(roles.mout)
     if limit is None or limit.step_max is None or roles.manual not in loop.writes:
         raise StateError(
@@ -127,6 +133,8 @@ def _failure(error: AhGatewayError) -> Check:
     text = error.message
     if "somebody else writes" in text or "taken over" in text:
         return failed("taken-over", text)
+    if isinstance(error.__cause__, TransportError):
+        return unclear("not-written", text)
     if isinstance(error, StateError) or (isinstance(error, PlcRefusedError) and error.code != BUSY):
         return failed("not-written", text)
     return unclear("not-written", text)

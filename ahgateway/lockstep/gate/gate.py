@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import AsyncIterator, Mapping
-from pathlib import Path
 from typing import Any
 
 from ahgateway import __version__
@@ -29,7 +28,7 @@ from ahgateway.lockstep.gate.change import Item, Step
 from ahgateway.lockstep.gate.journal import Told
 from ahgateway.lockstep.gate.outcome import Plan, Restored
 from ahgateway.lockstep.gate.papers import Papers
-from ahgateway.lockstep.gate.place import journal_path
+from ahgateway.lockstep.gate.place import Place, journal_path, lease_path
 from ahgateway.lockstep.gate.plc_lease import PlcLease
 from ahgateway.lockstep.gate.scratch import with_scratch
 from ahgateway.lockstep.gate.session import GAINS, Session, decide, replayed, words_json
@@ -55,7 +54,7 @@ class Gate:
         loop: The only loop that is ever written; the station's scratch words count as one of its operands.
         link: The way there.
         clock: Gives the times, waits, and ends the arming.
-        directory: Where journal and lock stand.
+        place: Where journal and lock stand.
         who: Who asks, for the journal.
         sees: Shown every picture that the gate takes.
         told: Told of every record of the journal.
@@ -75,7 +74,7 @@ class Gate:
         loop: Loop,
         link: Link,
         clock: Clock,
-        directory: Path,
+        place: Place,
         *,
         who: str = "",
         sees: Sees | None = None,
@@ -89,13 +88,13 @@ class Gate:
         self.as_found: Picture | None = None
         self.sent_ns = 0
         self.recovered: Restored | None = None
-        self.path = journal_path(directory, station, loop)
+        self.path = journal_path(place, station, loop)
         self._clock = clock
         self._wire = Wire(station, loop, link, clock, sees)
         self._guard = None if loop.lease is None else PlcLease(station, guarded, self._wire, clock)
         self._stepping: Stepping | None = None
         self._spans = block.spans(loop, station.devices)
-        self._papers = Papers(self.path, clock, loop.name, who, told)
+        self._papers = Papers(self.path, lease_path(place, station, loop), clock, loop.name, who, told)
         self._ends_ns = 0
         self._written_ns: dict[str, int] = {}
 
@@ -561,8 +560,6 @@ class Gate:
         self._papers.close()
 
     def _unclean(self, restored: Restored, cause: BaseException | None) -> StateError:
+        where = f"loop {self.loop.name}: "
         first = f"{cause.message if isinstance(cause, AhGatewayError) else cause}; " if cause is not None else ""
-        return StateError(
-            f"loop {self.loop.name}: {first}{restored.text(self.loop)}",
-            hint=UNCLEAN_HINT,
-        )
+        return StateError(f"{where}{first.removeprefix(where)}{restored.text(self.loop)}", hint=UNCLEAN_HINT)

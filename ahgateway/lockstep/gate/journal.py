@@ -179,7 +179,7 @@ class Journal:
     def _put(self, data: bytes) -> None:
         try:
             with self.path.open("ab", buffering=0) as file:
-                _write_whole(file, data)
+                write_whole(file, data)
         except OSError as error:
             raise StateError(
                 f"journal {self.path}: cannot be written: {error.strerror}",
@@ -187,7 +187,7 @@ class Journal:
             ) from error
 
 
-def _write_whole(file: FileIO, data: bytes) -> None:
+def write_whole(file: FileIO, data: bytes) -> None:
     """Write all of it to the disk or nothing of it: behind half a record the next one would stand on its line."""
     begins = file.tell()
     try:

@@ -20,7 +20,8 @@ class Papers:
     """Lock and journal of one loop; what is appended needs them open.
 
     Args:
-        path: The journal; the lock stands beside it.
+        path: The journal.
+        lease: The lock.
         clock: Gives UTC.
         loop: The loop's tag, for messages.
         who: Who asks.
@@ -30,8 +31,9 @@ class Papers:
         path: The journal.
     """
 
-    def __init__(self, path: Path, clock: Clock, loop: str, who: str, told: Told | None) -> None:
+    def __init__(self, path: Path, lease: Path, clock: Clock, loop: str, who: str, told: Told | None) -> None:
         self.path = path
+        self._lease = lease
         self._clock, self._loop, self._who, self._told = clock, loop, who, told
         self._journal: Journal | None = None
         self._lock: MachineLock | None = None
@@ -49,7 +51,7 @@ class Papers:
         """
         if self._lock is None:
             lock = hold(
-                self.path.with_suffix(".lease"), f"loop {self._loop} is armed by another gateway on this machine",
+                self._lease, f"loop {self._loop} is armed by another gateway on this machine",
                 "end that one first; only one may write", who=self._who, loop=self._loop,
             )  # fmt: skip
             try:
@@ -64,7 +66,7 @@ class Papers:
     def close(self) -> None:
         """Give the lock back; may be called twice."""
         if self._lock is not None:
-            self._lock.release()
+            self._lock.release(removes=True)
             self._lock = None
 
     def append(self, kind: str, **facts: Any) -> Record:

@@ -6,7 +6,7 @@ from ahgateway.clock import MILLISECOND, Clock
 from ahgateway.codec.access import Read, Span, Write
 from ahgateway.codec.station import Loop, Station
 from ahgateway.codec.words import decode
-from ahgateway.errors import StateError
+from ahgateway.errors import TransportError
 from ahgateway.lockstep.gate.change import Item, Step, shown
 from ahgateway.lockstep.patient import Patient
 from ahgateway.lockstep.picture import Picture, Sampler, Sees
@@ -15,7 +15,7 @@ from ahgateway.transports.base import Link
 SETTLE_SCANS = 2
 """A write stands in memory behind the scan in which it came; a program that overwrites it does so within the next."""
 READ_BACK_TRIES = 4
-PICTURE_TRIES = 5
+PICTURE_TRIES = 16
 
 
 class Wire:
@@ -34,13 +34,21 @@ class Wire:
         self._sampler.plan = self._sampler.plan.as_command()
 
     async def picture(self) -> Picture:
-        """Return one picture; it is a read, so that a torn one is simply taken again."""
-        for _ in range(PICTURE_TRIES):
+        """Return one picture; it is a read, so that a torn one is simply taken again.
+
+        Raises:
+            TransportError: An execution fell into each of them, or the link failed.
+        """
+        for tries in range(PICTURE_TRIES):
             picture = await self._sampler.picture()
             if picture is not None:
                 return picture
-            await self._clock.sleep_ns(self.settle_ns)
-        raise StateError(f"loop {self._loop.name}: no picture of the loop without an execution inside it")
+            # Never the same time twice: together with the picture it could be CYCLE itself.
+            await self._clock.sleep_ns(self.settle_ns * (3 + tries % 4) // 3)
+        raise TransportError(
+            f"loop {self._loop.name}: no picture without an execution inside it, {PICTURE_TRIES} were taken",
+            hint="the line is too slow for this CYCLE; `ahgateway doctor` says how long a picture takes",
+        )
 
     async def send(self, request: Write) -> None:
         """Send a request; only a PLC that answered *busy* is asked again.

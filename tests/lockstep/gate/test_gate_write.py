@@ -13,9 +13,11 @@ from ahgateway.clock import SECOND, VirtualClock
 from ahgateway.codec.access import Read, Request
 from ahgateway.codec.devices import parse_device
 from ahgateway.codec.station import WriteLimit
-from ahgateway.errors import AhGatewayError, LinkError, PlcRefusedError, ReplyTimeoutError, StateError
+from ahgateway.errors import AhGatewayError, LinkError, PlcRefusedError, ReplyTimeoutError, StateError, TransportError
 from ahgateway.lockstep.gate.change import line
+from ahgateway.lockstep.gate.gate import Gate
 from ahgateway.lockstep.gate.journal import verify
+from ahgateway.lockstep.gate.place import Folders
 from ahgateway.lockstep.gate.states import State
 
 SV, MV_MAX, MOUT, PID_MAN = 100, 118, 122, 2
@@ -360,6 +362,16 @@ async def test_a_write_that_never_arrived_is_not_repeated_either(world: GateWorl
     assert State.DISARMED is gate.state
 
 
+async def test_a_line_too_slow_for_a_picture_is_the_link_s_fault_and_nobody_else_s(world: GateWorld) -> None:
+    def slow(when: str, request) -> None:
+        world.clock.advance_ns(SECOND // 10)
+
+    with pytest.raises(TransportError, match="no picture without an execution inside it, 16 were taken") as caught:
+        await world.gate(FailingLink(world.link, slow)).arm("test")
+    assert "too slow for this CYCLE" in str(caught.value.hint)
+    assert [] == world.sent()
+
+
 async def test_a_link_lost_behind_a_write_says_which_and_what_came_of_it(world: GateWorld) -> None:
     gone: list[int] = []
 
@@ -417,8 +429,21 @@ async def test_a_second_gateway_is_refused_while_the_first_is_armed(world: GateW
             StateError, match=r"loop L1 is armed by another gateway on this machine \(process \d+, first\)"
         ):
             await world.gate(who="second").arm("test")
-    async with world.gate(who="second").armed("test"):
-        assert world.gate().path.with_suffix(".lease").exists()
+    async with world.gate(who="second").armed("test") as gate:
+        assert State.ARMED is gate.state
+
+
+async def test_another_directory_for_the_journal_is_no_way_around_the_lease(world: GateWorld) -> None:
+    def gate(journals: str, target: str) -> Gate:
+        station = replace(world.station, target=target)
+        place = Folders(world.folder / journals, world.folder / "leases")
+        return Gate(station, world.loop, world.link, world.clock, place, who=journals)
+
+    async with gate("one", "modbus+tcp://192.0.2.10").armed("test"):
+        with pytest.raises(StateError, match=r"armed by another gateway on this machine \(process \d+, one\)"):
+            await gate("two", "modbus+tcp://192.0.2.10:502?unit=1").arm("test")
+        async with gate("two", "modbus+tcp://192.0.2.11").armed("another PLC") as other:
+            assert world.folder / "two" == other.path.parent
 
 
 async def test_stop_en_off_and_an_empty_block_are_not_armed(world: GateWorld) -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import configparser
 import io
 import itertools
+import re
 
 import canopen
 import pytest
@@ -52,6 +54,17 @@ def test_the_eds_maps_two_reals_an_rpdo_with_the_predefined_identifiers() -> Non
     assert (0x2000_0120, 0x2000_0220) == (found[0x1600][1].default, found[0x1600][2].default)
     assert (0x2000_0320, 0x2000_0420) == (found[0x1601][1].default, found[0x1601][2].default)
     assert 6 == found.device_information.nr_of_RXPDO
+
+
+def test_the_head_of_the_eds_has_every_key_that_the_standard_asks_for() -> None:
+    """CiA 306-1 §4.5.2; tools such as eds-utils refuse a file without its dates."""
+    parser = configparser.ConfigParser()
+    parser.read_string(eds(LAYOUT, version="9.9.9"))
+    wanted = "FileName FileVersion FileRevision EDSVersion Description CreationTime CreationDate CreatedBy"
+    wanted += " ModificationTime ModificationDate ModifiedBy"
+    assert [] == [key for key in wanted.split() if not parser["FileInfo"].get(key)]
+    for key in ("CreationDate", "ModificationDate"):
+        assert re.fullmatch(r"(0[1-9]|1[0-2])-\d\d-\d{4}", parser["FileInfo"][key])
 
 
 def test_equal_profiles_give_equal_text() -> None:
