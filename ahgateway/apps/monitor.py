@@ -62,12 +62,16 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """One thing that happened: to a loop, or to the link when `loop` is empty."""
+    """One thing that happened: to a loop, or to the link when `loop` is empty.
+
+    `aligned_ns` is since when, in UTC, the line of its picture had been aligned; None without a picture.
+    """
 
     utc_ns: int
     loop: str
     tick: int
     event: Event | LinkChange | Sample
+    aligned_ns: int | None = None
 
 
 class Watch:
@@ -209,11 +213,7 @@ class Monitor:
         events = watch.follower.take(found)
         if isinstance(found, Picture):
             watch.saw(found)
-            utc_ns, tick = found.utc_ns, found.tick
-            return [
-                *(Report(utc_ns, watch.loop.name, tick, event) for event in events),
-                Report(utc_ns, watch.loop.name, tick, Sample(found)),
-            ]
+            return reports_of(watch.loop.name, found, events)
         tick = last.tick if last is not None else 0
         return [Report(self._clock.utc_ns(), watch.loop.name, tick, event) for event in events]
 

@@ -199,9 +199,7 @@ class Replay:
         while marks and marks[0][0] < row.tick:
             follower.lost(marks.popleft()[1])
         picture = picture_of(follower.loop, row)
-        reports = [Report(row.utc_ns, row.loop, row.tick, event) for event in follower.see(picture)]
-        reports.append(Report(row.utc_ns, row.loop, row.tick, Sample(picture)))
-        return reports
+        return reports_of(row.loop, picture, follower.see(picture))
 
 
 def as_polled(loop: Loop) -> Loop:

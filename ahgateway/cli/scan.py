@@ -89,7 +89,8 @@ async def _scan(
                 if stop.is_set():
                     break
     left = f"; {len(units) - asked} not asked, the time was over" if asked < len(units) else ""
-    typer.echo(f"{asked} units asked, {there} answered{left}", err=True)
+    late = f"; {link.figures.late} answers came too late, raise --timeout-ms" if link.figures.late else ""
+    typer.echo(f"{asked} units asked, {there} answered{left}{late}", err=True)
     return 0 if there else 3
 
 

@@ -10,6 +10,7 @@ import time
 import pytest
 from conformance.peers import CLIENT, Peer, addresses
 
+from ahgateway.apps.scan import scan
 from ahgateway.clock import MILLISECOND, WallClock
 from ahgateway.codec.access import Read, Request, Table, Write
 from ahgateway.codec.station import Pacing
@@ -184,12 +185,46 @@ async def test_a_peer_that_never_answers_is_connected_anew(wire: str) -> None:
         for _ in range(3):
             with pytest.raises(ReplyTimeoutError):
                 await link.exchange(TEN)
-        with pytest.raises(LinkError, match=r"next attempt in .*; first cause: 3 requests in a row"):
-            await link.exchange(TEN)
-        reply = await first_reply(link)
-        assert addresses(TEN) == reply.values
+        assert addresses(TEN) == (await link.exchange(TEN)).values
         assert peer.connections == 2
+        assert "3 requests in a row without a byte in answer, connection renewed" == link.figures.first_cause
         await link.close()
+
+
+@all_wires
+async def test_a_scan_goes_on_behind_many_silent_units(wire: str) -> None:
+    """Each three of them cost the connection, and the last unit was once never asked."""
+
+    async def twelfth(peer: Peer, number: int, request: Request, sound: bytes) -> bytes | None:
+        return sound if request.unit == 12 else None
+
+    async with Peer(wire, twelfth) as peer:
+        link = open_link(peer, wire, reply_timeout_ms=15)
+        found = [answer async for answer in scan(link, WallClock(), range(1, 13), 2**63)]
+        assert [12] == [answer.unit for answer in found if answer.is_proven]
+        assert ["silent"] * 11 == [answer.text for answer in found[:11]]
+        assert 4 == peer.connections
+        await link.close()
+
+
+async def test_a_scan_goes_on_behind_a_converter_that_hangs_up() -> None:
+    async def hangs_up(peer: Peer, number: int, request: Request, sound: bytes) -> bytes | None:
+        if request.unit == 2 or (request.unit == 3 and isinstance(request, Read) and request.count == 2):
+            peer.cut()
+            return None
+        return sound
+
+    async with Peer("tcp", hangs_up) as peer:
+        link = open_link(peer, "tcp", reply_timeout_ms=2000)
+        found = [answer async for answer in scan(link, WallClock(), range(1, 5), 2**63)]
+        assert [(True, True), (False, False), (True, False), (True, True)] == [
+            (answer.is_there, answer.is_proven) for answer in found
+        ]
+        assert "asked, and no answer: " in found[1].text
+        assert "answered once, then: " in found[2].text
+        await link.close()
+    with pytest.raises(LinkError, match="connection refused"):
+        await anext(scan(open_link(peer, "tcp"), WallClock(), (1,), 2**63))
 
 
 @all_wires
