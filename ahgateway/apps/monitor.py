@@ -7,7 +7,7 @@ the line. When the link breaks, what was missed is counted, never guessed.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Iterable, Mapping
 from dataclasses import dataclass
 
 from ahgateway.clock import MILLISECOND, SECOND, Clock
@@ -72,6 +72,12 @@ class Report:
     tick: int
     event: Event | LinkChange | Sample
     aligned_ns: int | None = None
+
+
+def reports_of(loop: str, picture: Picture, events: Iterable[Event]) -> list[Report]:
+    """Return what is reported of a picture: the events that it ends, and itself."""
+    utc_ns, tick, aligned_ns = picture.utc_ns, picture.tick, picture.aligned_utc_ns
+    return [Report(utc_ns, loop, tick, event, aligned_ns) for event in (*events, Sample(picture))]
 
 
 class Watch:

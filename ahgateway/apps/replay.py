@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from ahgateway.apps.monitor import LinkChange, Monitor, Report, Sample
+from ahgateway.apps.monitor import LinkChange, Monitor, Report, reports_of
 from ahgateway.apps.player import Player
 from ahgateway.apps.record import JUDGING, verdict_text, versions
 from ahgateway.apps.report import as_json

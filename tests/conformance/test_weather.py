@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import socket
 import struct
 import time
@@ -16,7 +17,7 @@ from ahgateway.codec.access import Read, Request, Table, Write
 from ahgateway.codec.station import Pacing
 from ahgateway.errors import AhGatewayError, FrameError, LinkError, ReplyTimeoutError, TransportError
 from ahgateway.transports.base import Reply
-from ahgateway.transports.tcp import TcpLink
+from ahgateway.transports.tcp import TcpLink, _connect_failure
 
 TEN = Read(1, Table.HOLDING, 10, 2)
 FIVE_HUNDRED = Read(1, Table.HOLDING, 500, 2)
@@ -273,6 +274,38 @@ async def test_a_good_reply_behind_noise_is_delivered(wire: str, noise: bytes) -
 
 
 @unnumbered_wires
+async def test_bytes_that_are_no_frame_point_at_the_settings_from_the_first_request_on(wire: str) -> None:
+    """A wrong baud rate or parity: the first request of a connection is the alignment probe, and it must say so too."""
+
+    async def another_baud(peer: Peer, number: int, request: Request, sound: bytes) -> bytes:
+        return bytes(byte ^ 0x81 for byte in sound)
+
+    async with Peer(wire, another_baud) as peer:
+        link = open_link(peer, wire)
+        with pytest.raises(
+            FrameError, match=r"\d+ bytes within 50 ms, but no answer to: the alignment probe"
+        ) as caught:
+            await link.exchange(TEN)
+        assert "check baud rate, parity, RTU against ASCII" in (caught.value.hint or "")
+        found = await anext(scan(link, WallClock(), (1,), 2**63))
+        assert (False, True) == (found.is_there, found.text.startswith("something came that is no answer: "))
+        await link.close()
+
+
+@unnumbered_wires
+async def test_silence_from_the_first_request_on_points_at_the_settings_too(wire: str) -> None:
+    async def silent(peer: Peer, number: int, request: Request, sound: bytes) -> None:
+        return None
+
+    async with Peer(wire, silent) as peer:
+        link = open_link(peer, wire)
+        with pytest.raises(ReplyTimeoutError, match="nothing on this line is believed before it answers") as caught:
+            await link.exchange(TEN)
+        assert "check the unit number, baud rate, parity and wiring" in (caught.value.hint or "")
+        await link.close()
+
+
+@unnumbered_wires
 async def test_a_second_reply_behind_the_first_is_not_kept_for_the_next_request(wire: str) -> None:
     async def twice(peer: Peer, number: int, request: Request, sound: bytes) -> bytes:
         return sound + sound
@@ -414,6 +447,11 @@ async def test_nothing_listening_is_named_with_a_hint_and_the_first_cause_is_kep
     assert isinstance(caught.value, ConnectionError)
     assert link.figures.first_cause == "connection refused"
     await link.close()
+
+
+def test_what_the_system_says_of_a_connection_is_not_hidden_by_asyncio() -> None:
+    unreachable = OSError(errno.EHOSTUNREACH, "Connect call failed ('192.0.2.10', 502)")
+    assert "no connection (No route to host)" == _connect_failure(unreachable)[0]
 
 
 async def test_the_link_is_back_when_its_peer_is() -> None:
