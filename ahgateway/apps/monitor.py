@@ -7,7 +7,7 @@ the line. When the link breaks, what was missed is counted, never guessed.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Iterable, Mapping
 from dataclasses import dataclass
 
 from ahgateway.clock import MILLISECOND, SECOND, Clock
@@ -62,12 +62,22 @@ class Sample:
 
 @dataclass(frozen=True, slots=True)
 class Report:
-    """One thing that happened: to a loop, or to the link when `loop` is empty."""
+    """One thing that happened: to a loop, or to the link when `loop` is empty.
+
+    `aligned_ns` is since when, in UTC, the line of its picture had been aligned; None without a picture.
+    """
 
     utc_ns: int
     loop: str
     tick: int
     event: Event | LinkChange | Sample
+    aligned_ns: int | None = None
+
+
+def reports_of(loop: str, picture: Picture, events: Iterable[Event]) -> list[Report]:
+    """Return what is reported of a picture: the events that it ends, and itself."""
+    utc_ns, tick, aligned_ns = picture.utc_ns, picture.tick, picture.aligned_utc_ns
+    return [Report(utc_ns, loop, tick, event, aligned_ns) for event in (*events, Sample(picture))]
 
 
 class Watch:
@@ -214,11 +224,7 @@ class Monitor:
         events = watch.follower.take(found)
         if isinstance(found, Picture):
             watch.saw(found)
-            utc_ns, tick = found.utc_ns, found.tick
-            return [
-                *(Report(utc_ns, watch.loop.name, tick, event) for event in events),
-                Report(utc_ns, watch.loop.name, tick, Sample(found)),
-            ]
+            return reports_of(watch.loop.name, found, events)
         tick = last.tick if last is not None else 0
         return [Report(self._clock.utc_ns(), watch.loop.name, tick, event) for event in events]
 

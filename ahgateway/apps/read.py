@@ -7,7 +7,7 @@ A loop is one picture: everything in it stood there at one moment.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any
 
@@ -73,6 +73,7 @@ class Reading:
         words: As they came, low word first.
         unit: Engineering unit.
         utc_ns: When the last of it had arrived.
+        aligned_utc_ns: Since when the line had been proven aligned then; None where nobody knows.
     """
 
     name: str
@@ -82,6 +83,7 @@ class Reading:
     words: tuple[int, ...]
     unit: str
     utc_ns: int
+    aligned_utc_ns: int | None = None
 
 
 def wanted(station: Station, names: Sequence[str], form: Form | None, count: int) -> list[Wanted]:
@@ -165,19 +167,20 @@ async def read_devices(station: Station, link: Link, clock: Clock, values: Seque
     for read in reads:
         reply = await link.exchange(read)
         image.put(read, reply.values)
-        arrived.append((read, clock.utc_ns() - (clock.now_ns() - reply.last_ns)))
+        ahead_ns = clock.utc_ns() - clock.now_ns()
+        arrived.append((read, reply.last_ns + ahead_ns, reply.aligned_since_ns + ahead_ns))
     found = []
     for each in values:
-        utc_ns = next(
-            utc_ns
-            for read, utc_ns in arrived
+        times = next(
+            times
+            for read, *times in arrived
             if read.table is each.span.table
             and read.address <= each.span.address
             and each.span.end <= read.address + read.count
         )
         words = image.words(each.span)
         value = _value(each, words)
-        found.append(Reading(", ".join(each.names), each.device, each.form.value, value, words, each.unit, utc_ns))
+        found.append(Reading(", ".join(each.names), each.device, each.form.value, value, words, each.unit, *times))
     return found
 
 
@@ -203,7 +206,8 @@ async def read_loop(station: Station, loop: Loop, link: Link, clock: Clock) -> l
     picture = await Sampler(loop, station, link, clock).picture()
     if picture is None:
         return None
-    return list(_readings(loop, picture.words, picture.seen, picture.utc_ns))
+    readings = _readings(loop, picture.words, picture.seen, picture.utc_ns)
+    return [replace(each, aligned_utc_ns=picture.aligned_utc_ns) for each in readings]
 
 
 def _readings(

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from ahgateway.apps.frame_tape import FrameTape, recorded_scheme
-from ahgateway.apps.monitor import LinkChange, Monitor, Report, Sample
+from ahgateway.apps.monitor import LinkChange, Monitor, Report, reports_of
 from ahgateway.apps.player import Player
 from ahgateway.apps.record import JUDGING, verdict_text, versions
 from ahgateway.apps.report import as_json
@@ -200,9 +200,7 @@ class Replay:
         while marks and marks[0][0] < row.tick:
             follower.lost(marks.popleft()[1])
         picture = picture_of(follower.loop, row)
-        reports = [Report(row.utc_ns, row.loop, row.tick, event) for event in follower.see(picture)]
-        reports.append(Report(row.utc_ns, row.loop, row.tick, Sample(picture)))
-        return reports
+        return reports_of(row.loop, picture, follower.see(picture))
 
 
 def as_polled(loop: Loop) -> Loop:

@@ -50,7 +50,8 @@ def as_json(report: Report) -> Json | None:
         return None
     head: Json = {"t": report.utc_ns / SECOND, "loop": report.loop, "tick": report.tick}
     if isinstance(event, Execution):
-        return head | {"kind": "execution"} | _execution(event)
+        aligned_s = None if report.aligned_ns is None else report.aligned_ns / SECOND
+        return head | {"kind": "execution"} | _execution(event) | {"aligned_since": aligned_s}
     if isinstance(event, Change):
         return head | {
             "kind": "operand", "operand": event.operand, "old": number(event.old), "new": number(event.new),

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from ahgateway.clock import Clock
 from ahgateway.codec.access import Read, Table
-from ahgateway.errors import FrameError, PlcRefusedError, ProfileError, ReplyTimeoutError
+from ahgateway.errors import FrameError, LinkError, PlcRefusedError, ProfileError, ReplyTimeoutError, TransportError
 from ahgateway.transports.base import Link
 
 UNIT_MAX = 255
@@ -75,7 +75,7 @@ async def scan(
         address: Its first register.
 
     Raises:
-        LinkError: There is no line at all.
+        LinkError: No connection can be made, or not any more.
     """
     for unit in units:
         if clock.now_ns() >= ends_ns:
@@ -84,6 +84,7 @@ async def scan(
 
 
 async def _asked(link: Link, read: Read) -> Answer:
+    sent = link.figures.requests
     try:
         reply = await link.exchange(read)
     except PlcRefusedError as error:
@@ -92,13 +93,17 @@ async def _asked(link: Link, read: Read) -> Answer:
         return Answer(read.unit, "silent")
     except FrameError as error:
         return Answer(read.unit, f"something came that is no answer: {error.message}")
+    except LinkError as error:
+        if link.figures.requests == sent:
+            raise
+        return Answer(read.unit, f"asked, and no answer: {error.message}")  # some converters hang up then
     took_ns = reply.last_ns - reply.sent_ns
     words = reply.values
     for _ in range(PROOF_TRIES):
         try:
             longer = (await link.exchange(Read(read.unit, read.table, read.address, PROOF_COUNT))).values
             again = (await link.exchange(read)).values
-        except (PlcRefusedError, ReplyTimeoutError, FrameError) as error:
+        except (PlcRefusedError, TransportError) as error:
             return Answer(read.unit, f"answered once, then: {error.message}", words, True, False, took_ns)
         if words[0] == longer[0] or longer[0] == again[0]:
             return Answer(read.unit, "answers", longer, True, True, took_ns)
@@ -112,6 +117,6 @@ async def _refused(link: Link, read: Read, first: PlcRefusedError) -> Answer:
     except PlcRefusedError as error:
         is_same = error.code == first.code
         return Answer(read.unit, f"answers, and refuses to read here: exception {first.code:02d}", (), True, is_same)
-    except (ReplyTimeoutError, FrameError) as error:
+    except TransportError as error:
         return Answer(read.unit, f"refused once, then: {error.message}", (), True)
     return Answer(read.unit, "refused once, then answered", (), True)

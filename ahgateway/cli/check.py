@@ -144,6 +144,9 @@ class _Files:
     ) -> None:
         from ahgateway.apps.check.fingerprint import read
 
+        written = {"--junit": junit, "--html": html, "--fingerprint": fingerprint, "--history": history}
+        for option, path in written.items():
+            _check_place(option, path)
         self.junit, self.html, self.fingerprint = junit, html, fingerprint
         self.against, self.history, self.is_part = against, history, is_part
         self.before = None if against is None else read(against)
@@ -385,6 +388,18 @@ def _shard(scenarios: list[Scenario], text: str | None) -> list[Scenario]:
     if match is None or not 1 <= int(match[1]) <= int(match[2]):
         raise ProfileError(f"`{text}` is no shard, allowed are 1/N to N/N", key="--shard")
     return sharded(scenarios, int(match[1]), int(match[2]))
+
+
+def _check_place(option: str, path: Path | None) -> None:
+    """Refuse a place where nothing can be written before a night is spent on what would stand there."""
+    from ahgateway.errors import ProfileError
+
+    if path is None:
+        return
+    if path.is_dir():
+        raise ProfileError("is a folder, and a file is written", file=str(path), key=option)
+    if not path.parent.is_dir():
+        raise ProfileError("its folder does not exist", file=str(path), key=option, hint=f"make {path.parent} first")
 
 
 def _write(path: Path, text: str) -> None:

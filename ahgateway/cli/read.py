@@ -111,6 +111,7 @@ def _json(station: Station, loop: str | None, readings: list[Reading]) -> dict[s
                 "unit": each.unit,
                 "words": list(each.words),
                 "t": each.utc_ns / SECOND,
+                "aligned_since": None if each.aligned_utc_ns is None else each.aligned_utc_ns / SECOND,
             }
             for each in readings
         ],

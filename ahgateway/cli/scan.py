@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from ahgateway.apps.scan import Answer
     from ahgateway.codec.devices import Address
     from ahgateway.codec.station import Station
+    from ahgateway.transports.base import LinkFigures
 
 SERIAL_UNITS, TCP_UNITS = "1-247", "0-10,255"
 
@@ -89,8 +90,16 @@ async def _scan(
                 if stop.is_set():
                     break
     left = f"; {len(units) - asked} not asked, the time was over" if asked < len(units) else ""
-    typer.echo(f"{asked} units asked, {there} answered{left}", err=True)
+    typer.echo(f"{asked} units asked, {there} answered{left}{'' if there else _unused(link.figures)}", err=True)
     return 0 if there else 3
+
+
+def _unused(figures: LinkFigures) -> str:
+    if figures.late:
+        return f"; {figures.late} answers came too late, raise --timeout-ms"
+    if figures.garbage_bytes:
+        return f"; {figures.garbage_bytes} bytes were no answer, or came too late for one: --timeout-ms waits longer"
+    return ""
 
 
 def _say_how_long(station: Station, units: tuple[int, ...], seconds: float) -> None:

@@ -42,7 +42,7 @@ class Picture:
         sent_ns: When the first request left.
         last_ns: When the last reply was complete.
         utc_ns: UTC of `last_ns`.
-        aligned_since_ns: Since when the line has been proven aligned.
+        aligned_since_ns: Since when the line has been proven aligned; 0 where nobody knows, as in an import.
         executions: Least and most executions since the picture before, where something in the PLC tells; None where
             only time bounds them.
         is_exact: The PLC made it directly behind the instruction: its inputs are what an execution in it read.
@@ -65,6 +65,11 @@ class Picture:
     def count(self) -> int | None:
         """What the program's counter of executions holds; None where there is none."""
         return self.words[block.COUNTER][0] if block.COUNTER in self.words else None
+
+    @property
+    def aligned_utc_ns(self) -> int | None:
+        """`aligned_since_ns` in UTC; None where nobody knows."""
+        return self.utc_ns - (self.last_ns - self.aligned_since_ns) if self.aligned_since_ns else None
 
 
 POLLS_PER_CYCLE = 4

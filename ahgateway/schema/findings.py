@@ -94,7 +94,12 @@ def _sentence(error: Any, form: type[BaseModel]) -> tuple[str, str | None]:
         hint = near(value, allowed) if isinstance(value, str) else None
         return f"{shown(value)} is not known, allowed are {', '.join(allowed)}", hint
     if kind in ("model_type", "model_attributes_type", "dict_type"):
-        return f"{shown(value)} stands where a table belongs", None
+        keys = ", ".join(_fields(form, error["loc"]))
+        return f"{shown(value)} stands where a table belongs", f"its keys are {keys}" if keys else None
+    if kind == "list_type" and isinstance(value, Mapping):
+        return "is one table, and a list of tables belongs here", f"head each with [[{_heading(error['loc'])}]]"
+    if kind in ("float_type", "int_type") and isinstance(value, str):
+        return f"{shown(value)} is text, and a number belongs here", "leave out the quotes, and any unit"
     sentence = str(error["msg"]).removeprefix("Value error, ").removeprefix("Input ")
     return f"{shown(value)} {sentence}", None
 
@@ -104,10 +109,19 @@ def _fields(form: type[BaseModel], location: tuple[int | str, ...]) -> Iterable[
     here: Any = form
     for part in location:
         if isinstance(here, type) and issubclass(here, BaseModel):
-            here = _form_in(here.model_fields[str(part)].annotation)
+            named = {field.alias or name: field for name, field in here.model_fields.items()}
+            if part not in named:
+                return ()
+            here = _form_in(named[str(part)].annotation)
         else:
-            here = _form_in(get_args(here)[-1])
-    return here.model_fields if isinstance(here, type) and issubclass(here, BaseModel) else ()
+            here = _form_in((get_args(here) or (None,))[-1])
+    if not (isinstance(here, type) and issubclass(here, BaseModel)):
+        return ()
+    return [field.alias or name for name, field in here.model_fields.items()]
+
+
+def _heading(location: tuple[int | str, ...]) -> str:
+    return ".".join(str(part) for part in location if isinstance(part, str))
 
 
 def _form_in(annotation: Any) -> Any:

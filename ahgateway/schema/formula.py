@@ -8,7 +8,10 @@ from __future__ import annotations
 
 import ast
 import operator
+import warnings
 from collections.abc import Callable, Mapping
+from functools import lru_cache
+from math import isfinite, isnan
 from typing import Any
 
 LENGTH_MAX = 500
@@ -43,7 +46,7 @@ def names_of(text: str) -> frozenset[str]:
         ValueError: It is no comparison of this grammar; the message says what is in the way.
     """
     tree = _tree(text)
-    _check(tree)
+    _check(tree, text.strip())
     if not isinstance(tree, ast.Compare | ast.BoolOp) and not _is_negation(tree):
         raise ValueError("a comparison is wanted, `abs(PV - SV) < 0.5`")
     called = {id(node.func) for node in ast.walk(tree) if isinstance(node, ast.Call)}
@@ -51,18 +54,25 @@ def names_of(text: str) -> frozenset[str]:
 
 
 def holds(text: str, values: Mapping[str, float | bool]) -> bool:
-    """Tell whether a comparison holds for these values; a division by 0, or anything no number, does not."""
+    """Tell whether a comparison holds for these values; where it meets a division by 0 or a NaN it does not."""
     try:
         return bool(_value(_tree(text), values))
-    except ZeroDivisionError:
+    except (ZeroDivisionError, _NoNumberError):
         return False
 
 
+class _NoNumberError(Exception):
+    """A NaN is compared: neither that nor its negation says anything."""
+
+
+@lru_cache
 def _tree(text: str) -> ast.expr:
     if len(text) > LENGTH_MAX:
         raise ValueError(f"it has {len(text)} characters, at most {LENGTH_MAX} are read")
     try:
-        return ast.parse(text.strip(), mode="eval").body
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # what Python thinks of `MV<50and PV>3` is no news for a technician
+            return ast.parse(text.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise ValueError("it cannot be read") from error
 
@@ -71,7 +81,7 @@ def _is_negation(tree: ast.expr) -> bool:
     return isinstance(tree, ast.UnaryOp) and isinstance(tree.op, ast.Not)
 
 
-def _check(node: ast.expr) -> None:
+def _check(node: ast.expr, text: str) -> None:
     if isinstance(node, ast.BoolOp):
         parts = node.values
     elif isinstance(node, ast.BinOp) and type(node.op) in _BINARY:
@@ -85,20 +95,28 @@ def _check(node: ast.expr) -> None:
         if node.keywords or not least <= len(node.args) <= most:
             raise ValueError(f"`{node.func.id}` takes {least if least == most else f'{least}…{most}'} values")
         parts = node.args
-    elif isinstance(node, ast.Name) or (isinstance(node, ast.Constant) and isinstance(node.value, int | float)):
+    elif isinstance(node, ast.Name) or (isinstance(node, ast.Constant) and _is_number(node.value)):
         return
     else:
         raise ValueError(
-            f"`{ast.unparse(node)}` is not allowed, allowed are numbers, operands, + - * /, < <= > >= == !=, "
-            "and, or, not, abs, min, max"
+            f"`{ast.get_source_segment(text, node)}` is not allowed, allowed are numbers, operands, + - * /, "
+            "< <= > >= == !=, and, or, not, abs, min, max"
         )
     for part in parts:
-        _check(part)
+        _check(part, text)
+
+
+def _is_number(value: object) -> bool:
+    try:
+        return isinstance(value, int | float) and isfinite(value)
+    except OverflowError:  # a whole number beyond binary64
+        return False
 
 
 def _value(node: ast.expr, values: Mapping[str, float | bool]) -> Any:
     if isinstance(node, ast.Constant):
-        return node.value
+        assert isinstance(node.value, int | float)
+        return float(node.value)  # whole numbers would grow without end
     if isinstance(node, ast.Name):
         return values[node.id]
     if isinstance(node, ast.BoolOp):
@@ -112,6 +130,8 @@ def _value(node: ast.expr, values: Mapping[str, float | bool]) -> Any:
         left = _value(node.left, values)
         for each, comparator in zip(node.ops, node.comparators, strict=True):
             right = _value(comparator, values)
+            if isnan(left) or isnan(right):
+                raise _NoNumberError
             if not _COMPARED[type(each)](left, right):
                 return False
             left = right

@@ -79,6 +79,10 @@ class ResponseForm(Form):
     finally_: str | None = Field(default=None, alias="finally", description="a comparison that holds at the end")
 
 
+ASKED_FOR = ("overshoot", "settling", "iae", "steady_error", "direction", "always", "finally_")
+"""What a response can ask for."""
+
+
 class ExpectForm(Form):
     """What must be seen."""
 
@@ -349,6 +353,8 @@ def _action(
         findings.add(f"{key}.at", f"is {form.at:g}, but the scenario ends at {duration_s:g}")
     if form.until is not None and form.until <= form.at:
         findings.add(f"{key}.until", f"is {form.until:g}, not behind at = {form.at:g}")
+    if form.until is not None and form.until > duration_s:
+        findings.add(f"{key}.until", f"is {form.until:g}, but the scenario ends at {duration_s:g}")
     if not (form.set or form.ramp or form.do or form.load is not None):
         findings.add(key, "does nothing", "give it set, ramp, load or do")
     if form.ramp and form.until is None:
@@ -384,6 +390,9 @@ def _check_expectations(form: ScenarioForm, controller: Controller, findings: Fi
         findings.add("expect.recovery", "has nothing to recover from", 'the time line needs do = "link-down"')
     for number, window in enumerate(expect.response):
         key = f"expect.response.{number}"
+        if all(getattr(window, name) is None for name in ASKED_FOR):
+            known = ", ".join(name.rstrip("_") for name in ASKED_FOR)
+            findings.add(key, "asks for nothing", f"give it at least one of {known}")
         end = form.duration if window.before is None else window.before
         if not window.after < end <= form.duration:
             findings.add(f"{key}.after", f"{window.after:g} to {end:g} is no window within 0 to {form.duration:g}")
@@ -399,7 +408,7 @@ def _check_formula(text: str, key: str, controller: Controller, findings: Findin
     try:
         used = names_of(text)
     except ValueError as error:
-        findings.add(key, f"{shown(text)}: {error}")
+        findings.add(key, f"{shown(text)}: {error}", "such as `abs(PV - SV) < 0.5 and not PID_MAN`; equal is `==`")
         return
     for name in sorted(used - {*known, "t"}):
         findings.add(key, f"`{name}` is no operand, known are t, {', '.join(known)}", near(name, known))

@@ -379,20 +379,17 @@ class Engine:
 
     def _timeout_error(self, job: Job, heard: int) -> TransportError:
         request, timeout_ms = job.request, self._limits.timeout_ns // MILLISECOND
-        if job.waiter is None:
-            return ReplyTimeoutError(
-                f"{self._target}: no reply of unit {request.unit} to the alignment probe within {timeout_ms} ms; "
-                "nothing on this line is believed before it answers",
-                hint="check that the unit is powered and its number; the link probes again with the next request",
-            )
+        is_probe = job.waiter is None
+        asked = f"the alignment probe of unit {request.unit}" if is_probe else describe(request)
         if heard:
             return FrameError(
-                f"{self._target}: {heard} bytes within {timeout_ms} ms, but no answer to: {describe(request)}",
+                f"{self._target}: {heard} bytes within {timeout_ms} ms, but no answer to: {asked}",
                 hint="check baud rate, parity, RTU against ASCII, wiring, termination; or a second master is speaking",
             )
         where = "unit number" if self.framing.identifies else "unit number, baud rate, parity and wiring"
+        believed = "; nothing on this line is believed before it answers" if is_probe else ""
         return ReplyTimeoutError(
-            f"{self._target}: no reply within {timeout_ms} ms to: {describe(request)}",
+            f"{self._target}: no reply within {timeout_ms} ms to: {asked}{believed}",
             hint=f"check the {where}; if the PLC is slow, raise reply_timeout_ms",
         )
 

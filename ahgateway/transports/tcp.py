@@ -9,6 +9,7 @@ deadlines: it is moved when it fires, not at every request.
 from __future__ import annotations
 
 import asyncio
+import os
 import socket
 from collections.abc import Callable
 from contextvars import Context
@@ -298,6 +299,7 @@ class TcpLink:
         self._engine.tick(self._clock.now_ns())
         if self._engine.is_worn:
             self._drop(f"{UNANSWERED_MAX} requests in a row without a byte in answer, connection renewed", None)
+            self._backoff_ns = self._retry_ns = 0  # the time-outs were pause enough; a scan meets many silent units
         self._pump()
 
     def _received(self, piece: memoryview) -> None:
@@ -368,4 +370,6 @@ def _connect_failure(error: Exception) -> tuple[str, str]:
     if isinstance(error, socket.gaierror):
         return f"the name cannot be resolved ({error.strerror})", "use the PLC's IP address"
     text = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    if text.startswith("Connect call failed") and isinstance(error, OSError) and error.errno:
+        text = os.strerror(error.errno)  # asyncio's own words hide the system's
     return f"no connection ({text})", "is the cable in, and the laptop in the PLC's network?"

@@ -199,7 +199,20 @@ async def test_every_json_line_has_the_normative_keys() -> None:
     for line in lines:
         assert {"t", "loop", "tick", "kind"} <= json.loads(json.dumps(line, allow_nan=False)).keys()
     executions = [line for line in lines if line["kind"] == "execution"]
-    keys = {"verdict", "proof", "class", "terms", "term", "plc", "ref", "plc_bits", "ref_bits", "cause", "code"}
+    keys = {
+        "verdict",
+        "proof",
+        "class",
+        "terms",
+        "term",
+        "plc",
+        "ref",
+        "plc_bits",
+        "ref_bits",
+        "cause",
+        "code",
+        "aligned_since",
+    }
     assert all(keys <= line.keys() for line in executions)
     diverged = next(line for line in executions if line["verdict"] == "DIVERGED")
     assert diverged["term"] == "P"

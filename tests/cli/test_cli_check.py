@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import pytest
 from typer.testing import CliRunner
 
 from ahgateway.cli.main import app
@@ -131,3 +132,12 @@ def test_each_scenario_is_recorded_and_replay_comes_to_the_same_verdicts(tmp_pat
     assert (0, True) == (replayed.exit_code, "the same verdicts as then: " in replayed.stdout)
     again = RUNNER.invoke(app, ["check", str(tmp_path / "mine"), "--record", str(kept)])
     assert (3, True) == (again.exit_code, "never overwritten" in again.stdout)
+
+
+@pytest.mark.parametrize("option", ["--junit", "--html", "--fingerprint", "--history"])
+def test_a_place_where_nothing_can_be_written_is_refused_before_anything_runs(tmp_path: Path, option: str) -> None:
+    for place, said in ((tmp_path / "nowhere" / "file", "its folder does not exist"), (tmp_path, "is a folder")):
+        result = RUNNER.invoke(app, ["check", str(library() / "dpid"), option, str(place)])
+
+        assert isinstance(result.exception, ProfileError)
+        assert ("", True) == (result.stdout, said in result.exception.message and option in result.exception.message)

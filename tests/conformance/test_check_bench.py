@@ -12,10 +12,11 @@ from pathlib import Path
 import pytest
 from conformance.peers import AHGATEWAY, plc_process, serial_pair
 
-from ahgateway.apps.check.live import LiveBench
+from ahgateway.apps.check.live import LiveBench, bench_lease
 from ahgateway.apps.check.result import Verdict
 from ahgateway.apps.check.suite import results
 from ahgateway.clock import WallClock
+from ahgateway.errors import StateError
 from ahgateway.fake.plc import FakePlc
 from ahgateway.fake.serve import until
 from ahgateway.schema.profile import load
@@ -93,8 +94,11 @@ def test_a_run_killed_in_the_middle_is_put_back_by_the_journal(bench_plc: str, t
             break
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(timeout=0.05)
+    with pytest.raises(StateError, match="is taken by another run on this machine"):
+        bench_lease(tmp_path, bench_plc, "a second run")
     process.kill()
     process.communicate(timeout=60)
+    bench_lease(tmp_path, bench_plc, "the next run").release()
 
     assert AS_FOUND != standing(bench_plc)
     restored = ahgateway("write", *asked, "--arm", "DPIDE", "--restore", "--directory", str(tmp_path))

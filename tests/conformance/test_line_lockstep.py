@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from conformance.peers import CLIENT, SERVER
 
 from ahgateway.apps.monitor import Monitor
+from ahgateway.apps.read import read_devices, wanted
+from ahgateway.apps.record import Tape
+from ahgateway.apps.report import as_json
 from ahgateway.clock import MILLISECOND, SECOND, VirtualClock
 from ahgateway.codec.access import Request
 from ahgateway.fake.plc import FakePlc
+from ahgateway.recording.reader import Recording
 from ahgateway.schema.profile import load
 from ahgateway.transports.base import LinkFigures, Reply
 from ahgateway.transports.engine import Engine, Limits
@@ -36,7 +41,10 @@ class Slot:
 
 
 class VirtualLine:
-    """A `Link` over a serial line in virtual time: the real engine, each character as long as on the wire."""
+    """A `Link` over a serial line in virtual time: the real engine, each character as long as on the wire.
+
+    The answer to request number `lost` never comes.
+    """
 
     def __init__(self, plc: FakePlc, clock: VirtualClock, wire: str, line: Line) -> None:
         self.target = f"{wire} {line}"
@@ -47,6 +55,7 @@ class VirtualLine:
         self.engine = Engine(CLIENT[wire](), limits, clock, self.figures, self.target)
         self.engine.connected(0)
         self.unit = Responder(plc, SERVER[wire]())
+        self.lost, self.asked = 0, 0
 
     async def exchange(self, request: Request) -> Reply:
         slot = Slot()
@@ -61,6 +70,9 @@ class VirtualLine:
                 continue
             self.clock.advance_ns(len(frame) * self.byte_ns + self.gap_ns)
             answer = self.unit.feed(frame)
+            self.asked += 1
+            if self.asked == self.lost:
+                continue
             self.clock.advance_ns(len(answer) * self.byte_ns)
             self.engine.received(answer, self.clock.now_ns())
         if slot.error is not None:
@@ -105,3 +117,31 @@ async def test_the_demo_is_followed_over_a_serial_line(
         # All but the first few, until the derivative's filter is known, and one at either end.
         assert counts.proven >= executed - 7, (name, counts)
     assert 0 == link.figures.timeouts
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wire", ["rtu", "ascii"])
+async def test_each_sample_says_since_when_its_line_is_aligned(clock: VirtualClock, wire: str, tmp_path: Path) -> None:
+    """In JSON lines, in the recording and when read: one reply is lost, and what comes later says so."""
+    loaded = load("demo")
+    plc = FakePlc(loaded.station(), loaded.fake_setup(), clock=clock)
+    plc.warm_up(10 * SECOND)
+    link = VirtualLine(plc, clock, wire, Line("x", 115200, "N", 8, 1))
+    link.lost = 60
+    monitor = Monitor(loaded.station(), link, clock)
+    told = []
+    with Tape(tmp_path / "run.ahrec", loaded.station(), clock) as tape:
+        async for report in monitor.reports(duration_ns=6 * SECOND):
+            tape.take(report)
+            told.append(as_json(report))
+    (read, *_) = await read_devices(loaded.station(), link, clock, wanted(loaded.station(), ["D100"], None, 1))
+
+    lines = [each for each in told if each is not None]
+    (down_s,) = [each["t"] for each in lines if each["kind"] == "link" and not each["up"]]
+    since = [(each["t"], each["aligned_since"]) for each in lines if each["kind"] == "execution"]
+    rows = list(Recording(str(tmp_path / "run.ahrec")).rows())
+    kept = [(row.utc_ns, row.utc_ns - row.last_ns + row.aligned_since_ns) for row in rows]
+    since += [(t / SECOND, aligned / SECOND) for t, aligned in kept]
+    assert {True, False} == {t < down_s for t, _ in since}
+    assert all(aligned <= t and (t < down_s) == (aligned < down_s) for t, aligned in since)
+    assert kept[-1][1] == read.aligned_utc_ns

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import errno
 import socket
 import struct
 
@@ -10,12 +11,13 @@ import pytest
 from conformance.patience import PatientClock, PatientLoop
 from conformance.peers import CLIENT, Peer, addresses
 
-from ahgateway.clock import MILLISECOND
+from ahgateway.apps.scan import scan
+from ahgateway.clock import MILLISECOND, WallClock
 from ahgateway.codec.access import Read, Request, Table, Write
 from ahgateway.codec.station import Pacing
 from ahgateway.errors import AhGatewayError, FrameError, LinkError, ReplyTimeoutError, TransportError
 from ahgateway.transports.base import Reply
-from ahgateway.transports.tcp import TcpLink
+from ahgateway.transports.tcp import TcpLink, _connect_failure
 
 TEN = Read(1, Table.HOLDING, 10, 2)
 FIVE_HUNDRED = Read(1, Table.HOLDING, 500, 2)
@@ -189,12 +191,46 @@ async def test_a_peer_that_never_answers_is_connected_anew(wire: str) -> None:
         for _ in range(3):
             with pytest.raises(ReplyTimeoutError):
                 await link.exchange(TEN)
-        with pytest.raises(LinkError, match=r"next attempt in .*; first cause: 3 requests in a row"):
-            await link.exchange(TEN)
-        reply = await first_reply(link)
-        assert addresses(TEN) == reply.values
+        assert addresses(TEN) == (await link.exchange(TEN)).values
         assert peer.connections == 2
+        assert "3 requests in a row without a byte in answer, connection renewed" == link.figures.first_cause
         await link.close()
+
+
+@all_wires
+async def test_a_scan_goes_on_behind_many_silent_units(wire: str) -> None:
+    """Each three of them cost the connection, and the last unit was once never asked."""
+
+    async def twelfth(peer: Peer, number: int, request: Request, sound: bytes) -> bytes | None:
+        return sound if request.unit == 12 else None
+
+    async with Peer(wire, twelfth) as peer:
+        link = open_link(peer, wire, reply_timeout_ms=15)
+        found = [answer async for answer in scan(link, WallClock(), range(1, 13), 2**63)]
+        assert [12] == [answer.unit for answer in found if answer.is_proven]
+        assert ["silent"] * 11 == [answer.text for answer in found[:11]]
+        assert 4 == peer.connections
+        await link.close()
+
+
+async def test_a_scan_goes_on_behind_a_converter_that_hangs_up() -> None:
+    async def hangs_up(peer: Peer, number: int, request: Request, sound: bytes) -> bytes | None:
+        if request.unit == 2 or (request.unit == 3 and isinstance(request, Read) and request.count == 2):
+            peer.cut()
+            return None
+        return sound
+
+    async with Peer("tcp", hangs_up) as peer:
+        link = open_link(peer, "tcp", reply_timeout_ms=2000)
+        found = [answer async for answer in scan(link, WallClock(), range(1, 5), 2**63)]
+        assert [(True, True), (False, False), (True, False), (True, True)] == [
+            (answer.is_there, answer.is_proven) for answer in found
+        ]
+        assert "asked, and no answer: " in found[1].text
+        assert "answered once, then: " in found[2].text
+        await link.close()
+    with pytest.raises(LinkError, match="connection refused"):
+        await anext(scan(open_link(peer, "tcp"), WallClock(), (1,), 2**63))
 
 
 @all_wires
@@ -239,6 +275,38 @@ async def test_a_good_reply_behind_noise_is_delivered(wire: str, noise: bytes) -
         for _ in range(5):
             assert addresses(TEN) == (await link.exchange(TEN)).values
         assert link.figures.timeouts == 0
+        await link.close()
+
+
+@unnumbered_wires
+async def test_bytes_that_are_no_frame_point_at_the_settings_from_the_first_request_on(wire: str) -> None:
+    """A wrong baud rate or parity: the first request of a connection is the alignment probe, and it must say so too."""
+
+    async def another_baud(peer: Peer, number: int, request: Request, sound: bytes) -> bytes:
+        return bytes(byte ^ 0x81 for byte in sound)
+
+    async with Peer(wire, another_baud) as peer:
+        link = open_link(peer, wire)
+        with pytest.raises(
+            FrameError, match=r"\d+ bytes within 50 ms, but no answer to: the alignment probe"
+        ) as caught:
+            await link.exchange(TEN)
+        assert "check baud rate, parity, RTU against ASCII" in (caught.value.hint or "")
+        found = await anext(scan(link, WallClock(), (1,), 2**63))
+        assert (False, True) == (found.is_there, found.text.startswith("something came that is no answer: "))
+        await link.close()
+
+
+@unnumbered_wires
+async def test_silence_from_the_first_request_on_points_at_the_settings_too(wire: str) -> None:
+    async def silent(peer: Peer, number: int, request: Request, sound: bytes) -> None:
+        return None
+
+    async with Peer(wire, silent) as peer:
+        link = open_link(peer, wire)
+        with pytest.raises(ReplyTimeoutError, match="nothing on this line is believed before it answers") as caught:
+            await link.exchange(TEN)
+        assert "check the unit number, baud rate, parity and wiring" in (caught.value.hint or "")
         await link.close()
 
 
@@ -384,6 +452,11 @@ async def test_nothing_listening_is_named_with_a_hint_and_the_first_cause_is_kep
     assert isinstance(caught.value, ConnectionError)
     assert link.figures.first_cause == "connection refused"
     await link.close()
+
+
+def test_what_the_system_says_of_a_connection_is_not_hidden_by_asyncio() -> None:
+    unreachable = OSError(errno.EHOSTUNREACH, "Connect call failed ('192.0.2.10', 502)")
+    assert "no connection (No route to host)" == _connect_failure(unreachable)[0]
 
 
 async def test_the_link_is_back_when_its_peer_is() -> None:

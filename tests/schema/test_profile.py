@@ -199,7 +199,7 @@ def test_one_zero_register_may_serve_several_inputs_of_a_loop() -> None:
         ),
         (LOOP.replace("[loops", 'device_map = "ah50"\n[loops'), ["station.device_map", "did you mean `ah500`?"]),
         (LOOP.replace("[loops", 'running = "D1"\n[loops'), ["station.running: running is a bit, `D1` is a word"]),
-        (LOOP.replace("[loops", 'unit = "1"\n[loops'), ['station.unit: "1" should be a valid integer']),
+        (LOOP.replace("[loops", 'unit = "1"\n[loops'), ['station.unit: "1" is text, and a number belongs here']),
         (LOOP.replace("[loops", "pacing.words_per_request_max = 11\n[loops"), ["I_MV of loop A takes 12 words"]),
         (STATION, ["loops: is missing"]),
         (STATION + '[loops.A]\ninstruction = "DPID"\n', ["DPID also needs PID_RUN, SV", 'or `layout = "manual"`']),

@@ -90,6 +90,25 @@ def test_a_sensor_may_deliver_no_number() -> None:
         (", tau_s = 3.0", ", tau_s = 3.0, span = [9.0, 1.0]", "plant.span: 9 is not below 1", None),
         (", tau_s = 3.0", ", tau_s = 3.0, stroke_s = 9.0, pwm_s = 1.0", "plant.pwm_s: is given", "leave out one"),
         ("clamps = true", "recovery = 1.0", "step.toml: expect.recovery: has nothing to recover from", None),
+        ("clamps = true", "bumpless = 1.0", "expect.bumpless: 1.0 stands where a table belongs", "its keys are within"),
+        ("[[step]]", "[step]", "step.toml: step: is one table, and a list of tables", "head each with [[step]]"),
+        ("10.0", '"10 s"', 'step.toml: duration: "10 s" is text, and a number belongs here', "leave out the quotes"),
+        ("10.0", "-10.0", "step.toml: duration: -10.0 should be greater than 0", None),
+        ("at = 5.0", "at = -5.0", "step.toml: step.0.at: -5.0 should be greater than or equal to 0", None),
+        (
+            "at = 5.0",
+            "at = 5.0\nuntil = 11.0\nload = 1.0",
+            "step.toml: step.0.until: is 11, but the scenario ends",
+            None,
+        ),
+        (
+            "clamps = true",
+            "[[expect.response]]\nafter = 1.0",
+            "expect.response.0: asks for nothing",
+            "give it at least",
+        ),
+        ("clamps = true", "[[expect.response]]\nfinaly = 'PV > 1'", "finaly: unknown key", "did you mean `finally`?"),
+        ("clamps = true", "[[expect.response]]\nalways = 'PV = 1'", '"PV = 1": it cannot be read', "such as `abs(PV"),
     ],
 )
 def test_a_wrong_scenario_is_refused(old: str, new: str, message: str, hint: str | None) -> None:
@@ -109,6 +128,19 @@ def test_a_wrong_scenario_is_refused(old: str, new: str, message: str, hint: str
         ("PV ** 9 < 1", "is not allowed"),
         ("abs(PV, SV) < 1", "`abs` takes 1 values"),
         ("PV <", "it cannot be read"),
+        ("PV < 1; PV > 0", "it cannot be read"),
+        ("(PV := 3) < 1", "is not allowed"),
+        ("PV < [x for x in (1, 2)][0]", "is not allowed"),
+        ("PV < True.real", "is not allowed"),
+        ("PV < 1j", "`1j` is not allowed"),
+        ("PV < '1'", "`'1'` is not allowed"),
+        ("max(*PV) < 1", "`max` takes 2…9 values"),
+        ("abs < 1", "`abs` is no operand"),
+        ("PV < 1e999", "`1e999` is not allowed"),
+        ("PV < " + "9" * 400, "is not allowed"),
+        ("PV" + ".x" * 240 + " < 1", "is not allowed"),
+        ("(" * 240 + "PV" + ")" * 240 + " < 1", "it cannot be read"),
+        ("PV < 1 or " * 60 + "PV < 1", "it has 606 characters, at most 500 are read"),
     ],
 )
 def test_a_formula_outside_the_grammar_is_refused(formula: str, message: str) -> None:
@@ -131,10 +163,18 @@ def test_several_errors_are_told_together() -> None:
         ("max(PV, SV) == 50 or MV > 99", True),
         ("MV / (SV - 50) > 1", False),
         ("-PV * 2 != -98", False),
+        ("PV<50and SV>49", True),
+        ("not " * 118 + "PV < 50", True),
+        ("-" * 400 + "PV < 50", True),
+        ("*".join(["999999999"] * 45) + " > PV", True),  # beyond binary64, and no whole number of 400 digits
+        ("OUT != 1", False),  # a NaN is neither
+        ("not (OUT > 1)", False),
+        ("OUT == OUT", False),
+        ("PV < 50 or OUT > 1", True),
     ],
 )
 def test_a_formula_is_worth_what_arithmetic_says(text: str, is_met: bool) -> None:
-    values = {"PV": 49.0, "SV": 50.0, "MV": 33.0, "PID_MAN": False}
+    values = {"PV": 49.0, "SV": 50.0, "MV": 33.0, "PID_MAN": False, "OUT": math.nan}
 
     assert is_met is holds(text, values)
     assert names_of(text) <= set(values)
