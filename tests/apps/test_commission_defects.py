@@ -12,6 +12,7 @@ from apps.commission_bench import ALLOWED, NOT_ASKED, PLANT, WISHES, Bench, stat
 
 from ahgateway.apps.commission.checks import Outcome
 from ahgateway.clock import MILLISECOND, SECOND
+from ahgateway.codec.access import Table
 from ahgateway.codec.devices import parse_device
 from ahgateway.codec.station import PlantSpec
 
@@ -106,6 +107,10 @@ DEFECTS = [
     Defect(
         "registers of 0", "no-loop-there", plant=lambda b: b.plc.restart(is_retained=False) or b.plc.memory.clear(),
         also=frozenset({"system-flags"}),
+    ),
+    Defect(
+        "a CPU with fewer D than its family", "d-range", {"changes": {"scratch": parse_device("D25000")}},
+        lambda b: b.plc.refuse(Table.HOLDING, 24_576, 40_959, 2),
     ),
     Defect("STOP", "plc-stopped", plant=lambda b: b.plc.stop()),
     Defect("MV limits exchanged", "limits-exchanged", {"initial": {"MV_MAX": 0.0, "MV_MIN": 100.0}}),

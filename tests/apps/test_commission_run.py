@@ -179,6 +179,17 @@ async def test_the_dialect_stands_beside_the_verdict_and_on_the_sheet(tmp_path) 
     )
 
 
+async def test_step_2_says_where_d_ends_and_how_far_the_map_goes(tmp_path) -> None:
+    bench = Bench(tmp_path)
+    checks = await bench.commission(replace(WISHES, is_armed=False))
+    assert "D0…D29999 answers to its end, D30000…D40959 answers to its end" == checks["d-range"].text
+    bench = Bench(tmp_path)
+    bench.plc.refuse(Table.HOLDING, 24_576, 40_959, 3)
+    checks = await bench.commission(replace(WISHES, is_armed=False))
+    said = "D0…D29999 is refused behind D24575, D30000…D40959 is refused whole"
+    assert (Outcome.PASS, said) == (checks["d-range"].outcome, checks["d-range"].text)
+
+
 async def test_step_5_is_not_begun_before_step_3_is_clean(tmp_path) -> None:
     bench = Bench(tmp_path, initial={"MV_MAX": 0.0, "MV_MIN": 100.0})
     checks = await bench.commission()

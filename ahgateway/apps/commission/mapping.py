@@ -12,10 +12,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from ahgateway.apps.commission.checks import Check, failed, judged, passed, skipped, unclear
+from ahgateway.apps.commission.checks import Check, Outcome, failed, judged, passed, skipped, unclear
 from ahgateway.codec import block
 from ahgateway.codec.access import Read, Span, Table
-from ahgateway.codec.devices import Device, DeviceMap
+from ahgateway.codec.devices import Device, DeviceMap, DeviceRange
 from ahgateway.codec.plan import plan
 from ahgateway.codec.station import Const, Loop, Station
 from ahgateway.codec.words import decode, words_real
@@ -27,6 +27,8 @@ from ahgateway.transports.base import Link
 
 CLEARLY = 3
 """Another hypothesis must fit so many operands more than the profile's own before it is named."""
+BEYOND = frozenset({2, 3})
+"""MANUAL Modbus application protocol §7: illegal data address; some PLCs call it an illegal value."""
 SMALL, LARGE = 1e-6, 1e7
 """A REAL of a real loop is 0 or lies between these; swapped words nearly never do."""
 
@@ -70,7 +72,10 @@ async def settle(station: Station, loop: Loop, link: Link, others: Sequence[Devi
         TransportError: The link failed.
     """
     own = await _fit(station, loop, link, Hypothesis(station.devices))
-    return [*_judge(own, await _others(station, loop, link, own, others)), await _system_flags(station, link)]
+    checks = _judge(own, await _others(station, loop, link, own, others))
+    fits = all(check.outcome is not Outcome.FAIL for check in checks)
+    d_range = await _d_range(station, link) if fits else skipped("d-range", "not before the map fits")
+    return [*checks, d_range, await _system_flags(station, link)]
 
 
 async def _others(station: Station, loop: Loop, link: Link, own: Fit | None, others: Sequence[DeviceMap]) -> list[Fit]:
@@ -213,6 +218,65 @@ async def mark(gate: Gate, link: Link) -> Check:
     low, high = words
     text = f"{MARKER:#010x} at {place} reads {low:04X} {high:04X}; ISPSoft shows {MARKER} there while it stands"
     return judged("marker", (low, high) == (MARKER & 0xFFFF, MARKER >> 16), text)
+
+
+async def _d_range(station: Station, link: Link) -> Check:
+    """How far D answers: the map is the family's, a smaller CPU has fewer. What the profile uses must lie inside."""
+    rows = [row for row in station.devices.ranges if row.kind == "D"]
+    if not rows:
+        return skipped("d-range", f"the device map {station.devices.name} has no D")
+    said, gone = [], []
+    try:
+        for row in rows:
+            last = await _last_of(row, station.unit, link)
+            whole = f"{row.name(row.first)}…{row.name(row.last)}"
+            if last == row.last:
+                said.append(f"{whole} answers to its end")
+                continue
+            said.append(f"{whole} is refused {'whole' if last is None else f'behind {row.name(last)}'}")
+            gone.append((row, row.first if last is None else last + 1))
+    except CodecError as error:
+        return skipped("d-range", f"this wire reads only what it was told of: {error.message}")
+    except PlcRefusedError as error:
+        return unclear("d-range", error.message)
+    used = [span for loop in station.loops for span in block.spans(loop, station.devices).values()]
+    if station.scratch is not None:
+        place = station.devices.address(station.scratch)
+        used.append(Span(place.table, place.address, 2))
+    lost = [span for span in used if any(_reaches(span, row, first) for row, first in gone)]
+    text = ", ".join(said)
+    if not lost:
+        return passed("d-range", text)
+    names = ", ".join(str(station.devices.device(span.table, span.address)) for span in lost)
+    return failed("d-range", f"{text}; the profile uses {names}")
+
+
+async def _last_of(row: DeviceRange, unit: int, link: Link) -> int | None:
+    """Return the highest number of a range that can be read, None when not even the first can."""
+
+    async def answers(number: int) -> bool:
+        try:
+            await link.exchange(Read(unit, row.table, row.base + (number - row.first) * row.stride, 1))
+        except PlcRefusedError as error:
+            if error.code not in BEYOND:
+                raise
+            return False
+        return True
+
+    if await answers(row.last):
+        return row.last
+    if not await answers(row.first):
+        return None
+    low, high = row.first, row.last
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (middle, high) if await answers(middle) else (low, middle)
+    return low
+
+
+def _reaches(span: Span, row: DeviceRange, first: int) -> bool:
+    begins = row.base + (first - row.first) * row.stride
+    return span.table is row.table and span.address < row.end and begins < span.end
 
 
 async def _system_flags(station: Station, link: Link) -> Check:
