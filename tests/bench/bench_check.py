@@ -21,6 +21,7 @@ from ahgateway.apps.check.suite import results
 from ahgateway.apps.check.wires import WIRES
 from ahgateway.clock import MILLISECOND, WallClock
 from ahgateway.codec.station import Station
+from ahgateway.core.controllers.block_axes import axes_of
 from ahgateway.core.dialect import AXES
 from ahgateway.fake.call_faults import CALL_FAULTS
 from ahgateway.fake.faults import FAULTS
@@ -109,10 +110,10 @@ async def dialects() -> None:
     for instruction in ("dpid", "dpide"):
         scenarios = collected([instruction])
         usual = {each.name: (await run(each, ground, 1, WALL)).digests for each in scenarios}
-        axes = scenarios[0].controller.axes
+        axes = {axis.name for axis in axes_of(scenarios[0].controller.name)}
         for axis, values in AXES.items():
             if axis not in axes:
-                continue
+                continue  # of the other instruction
             for value in list(values)[1:]:
                 fake = with_axis(ground.station, axis, value)
                 hit = None
