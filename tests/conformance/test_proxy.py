@@ -86,6 +86,23 @@ async def test_on_a_spoiled_line_no_foreign_value_comes_through(wire: str) -> No
         assert proxy.faults == len(said) > 5
 
 
+@pytest.mark.parametrize("wire", SCHEMES)
+async def test_each_kind_of_fault_is_done_once_and_none_of_them_hands_out_a_foreign_value(wire: str) -> None:
+    faults = DETECTABLE[wire]
+    rules = [Rule((fault,), first=number, last=number, late_ms=70) for number, fault in enumerate(faults, start=2)]
+    async with between(wire, *rules) as (link, proxy, said):
+        for address in range(4 * len(faults)):
+            try:
+                reply = await link.exchange(Read(1, Table.INPUT, address, 2))
+            except AhGatewayError:
+                continue
+            assert (7 * address, 7 * address + 7) == reply.values
+            if proxy.exchanges > len(faults) + 4:
+                break
+        assert list(faults) == [fault for _, fault, _ in said]
+        assert (0, 7) == (await link.exchange(Read(1, Table.INPUT, 0, 2))).values
+
+
 async def test_every_fault_is_said_with_its_request() -> None:
     async with between("tcp", Rule((Fault.BUSY,), first=2, last=2), Rule((Fault.LOST,), first=3)) as bench:
         await bench.link.exchange(Read(1, Table.INPUT, 1, 2))
