@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import sys
 from typing import TYPE_CHECKING, Annotated
 
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
     from ahgateway.apps.player import Player
     from ahgateway.codec.station import Station
     from ahgateway.transports.base import Tap
+
+WRITES_PER_SECOND = 10
 
 
 def monitor(
@@ -142,6 +145,8 @@ async def _monitor(
             if page.is_on:
                 await stack.enter_async_context(paged(page, station, board, watched, lambda: sink.path, say))
         if board is not None and has_screen:
+            # Before Textual is imported: however long a key is held down, the terminal is written to so often a second.
+            os.environ.setdefault("TEXTUAL_FPS", str(WRITES_PER_SECOND))
             from ahgateway.tui.app import MonitorApp, shown
 
             screen = MonitorApp(

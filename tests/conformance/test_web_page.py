@@ -168,7 +168,7 @@ async def test_a_loop_that_is_not_there_and_an_address_that_is_none_are_said(run
     async with page(run) as url:
         for hash in ("loop=NOBODY", "loop=%25%E0%A4%A"):
             await browser.open(f"{url}?{hash[-3:]}#{hash}")
-            await browser.until("/this station has no loop/.test(document.querySelector('#loops-count').textContent)")
+            await browser.until("/this station has no loop/.test(document.querySelector('#loops-count')?.textContent)")
             assert not await browser.ask("document.querySelector('#page-loops').hidden")
     assert [] == browser.complaints
 

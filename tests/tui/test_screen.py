@@ -36,6 +36,8 @@ async def test_the_first_page_names_every_loop_with_its_verdict_values_and_age(w
     async with world.app().run_test(size=WIDE) as pilot:
         pilot.app.redraw()
         await pilot.pause()
+        while not text_of(pilot.app)[-1]:  # the keys come when the bindings are known, behind the first picture
+            await pilot.pause()
         lines = text_of(pilot.app)
     assert "Demo  │  2 loops  │  link up  │  none diverged  │  00:00:22Z" == lines[0]
     head = ["loop", "verdict", "proven", "diverged", "age", "SV", "PV", "MV", "mode", "health", "way", "findings"]
@@ -220,6 +222,8 @@ async def test_a_report_draws_nothing_by_itself(world):
 async def test_keys_of_a_page_that_was_left_are_forgotten(world):
     app = world.app()
     async with app.run_test(size=WIDE) as pilot:
+        while not app.query(FooterKey):
+            await pilot.pause()
         first = [weakref.ref(each) for each in app.query(FooterKey)]
         for key in "234":
             await pilot.press(key)

@@ -1,7 +1,8 @@
-// Small trends, one for each loop: only what is in sight is drawn, at most ten times a second.
+// Small trends, one for each loop: only what is in sight is drawn, four times a second (half a pixel of three minutes),
+// and only a few in each frame, so that no frame is long.
 import { get } from "./pages.js";
 
-const SPAN_S = 180, DRAW_MS = 100, BAND = 5;
+const SPAN_S = 180, DRAW_MS = 250, PER_FRAME = 4, BAND = 5;
 
 export class Sparks {
   constructor() {
@@ -10,6 +11,7 @@ export class Sparks {
     this.shown = new Set();
     this.clock = null;
     this.drawn = 0;
+    this.waiting = [];
     this.seen = new IntersectionObserver((entries) => {
       for (const entry of entries) {
         if (entry.isIntersecting) this.shown.add(entry.target.dataset.loop); else this.shown.delete(entry.target.dataset.loop);
@@ -51,15 +53,18 @@ export class Sparks {
   repaint() { this.colours = null; }
 
   frame(now) {
-    if (this.clock && now - this.drawn >= DRAW_MS) {
+    if (!this.waiting.length && now - this.drawn >= DRAW_MS) {
       this.drawn = now;
+      this.waiting = [...this.shown];
+    }
+    if (this.clock && this.waiting.length) {
       if (!this.colours) {
         const style = getComputedStyle(document.documentElement);
         const colour = (name) => style.getPropertyValue(name).trim();
         this.colours = { pv: colour("--pv"), sv: colour("--sv"), mark: [1, 2, 3, 4, 5, 6].map((each) => colour(`--mark${each}`)) };
       }
       const until = this.clock.t + (now - this.clock.at) * this.clock.rate;
-      for (const name of this.shown) this.draw(this.loops.get(name), until);
+      for (const name of this.waiting.splice(0, PER_FRAME)) this.draw(this.loops.get(name), until);
     }
     requestAnimationFrame((next) => this.frame(next));
   }
