@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ahgateway.apps.replay import Changes, Replay, judged_again, picture_of
 from ahgateway.codec.station import Const, Loop
-from ahgateway.core.fast import COMPILED, column_types, walk, why_interpreted
+from ahgateway.core.fast import column_types, walk, why_interpreted
 from ahgateway.core.operands import Kind
 from ahgateway.recording import layout
 from ahgateway.recording.packing import Words
@@ -24,6 +24,8 @@ from ahgateway.recording.reader import Recording, spans
 from ahgateway.recording.values import column
 
 Columns = dict[str, Any]
+WALKED = ("DPID", "DPIDE")
+"""Controllers whose pictures hold what a walk forwards."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,8 +83,11 @@ def bulk(recording: Recording, changes: Changes, loops: tuple[str, ...] = (), *,
 def _walked(recording: Recording, replay: Replay, name: str, compiled: bool) -> Bulk:
     follower = replay.followers[name]
     loop = follower.loop
-    if loop.controller.name not in COMPILED:
-        return Bulk(name, 0, 0, None, 0, False, why_interpreted(loop.controller, loop.dialect))
+    if loop.controller.name not in WALKED:
+        note = (
+            f"{name}: --bulk knows {' and '.join(WALKED)}; `ahgateway replay` without it judges {loop.controller.name}"
+        )
+        return Bulk(name, 0, 0, None, 0, False, note)
     followed, state = 0, None
     for row in recording.rows({name}):
         follower.see(picture_of(loop, row))
@@ -95,7 +100,7 @@ def _walked(recording: Recording, replay: Replay, name: str, compiled: bool) -> 
     walker = Walker(loop, state, compiled)
     for ticks, words in _tail(recording, name, followed - 1):
         walker.take(ticks, words)
-    note = why_interpreted(loop.controller, loop.dialect)
+    note = why_interpreted()
     return Bulk(name, walker.executions, walker.differing, walker.first_tick, followed, walker.is_compiled, note)
 
 

@@ -25,9 +25,6 @@ from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL, quiet
 
 Column = NDArray[Any]
-COMPILED = ("DPID", "DPIDE")
-"""Controllers whose law is written so that it compiles."""
-
 _COMPILER = Maker(compiled=True)
 _DTYPES = {Kind.BOOL: np.bool_, Kind.REAL: np.float32, Kind.DINT: np.int64, Kind.INT: np.int64}
 
@@ -47,12 +44,10 @@ class Trace:
     is_compiled: bool
 
 
-def why_interpreted(controller: Controller, dialect: Any) -> str:
-    """Return why this law would be interpreted, as one sentence; empty when it will be compiled."""
+def why_interpreted() -> str:
+    """Return why laws would be interpreted, as one sentence; empty when they will be compiled."""
     if find_spec("numba") is None:
         return "numba is not installed, the law is interpreted; `pip install ahgateway[fast]` makes it far quicker"
-    if controller.name not in COMPILED:
-        return f"{controller.name} is interpreted: its law is not written for the compiler"
     return ""
 
 
@@ -97,7 +92,7 @@ def walk(
     columns = [np.ascontiguousarray(inputs[name], kinds[name]) for name in controller.input_names]
     columns += [np.ascontiguousarray(shown[name]) for name in sorted(shown)]
     state_out, terms_out = _room(start, length), _room_for_terms(controller, start, dialect, length)
-    is_compiled = compiled and not why_interpreted(controller, dialect)
+    is_compiled = compiled and not why_interpreted()
     run = _loop(
         _Law(controller.inputs, controller.state, controller.terms, controller.step), tuple(sorted(shown)), is_compiled
     )
@@ -116,8 +111,15 @@ def walk(
 
 
 def _room(sample: Any, length: int) -> dict[str, Column]:
-    """An empty column for every field of a state or of terms, by the types of a sample."""
-    return {name: np.empty(length, _dtype(value)) for name, value in zip(sample._fields, sample, strict=True)}
+    """An empty column for every field of a state or of terms, by the types of a sample; of a tuple in it `core.i`."""
+    return {path: np.empty(length, _dtype(value)) for path, value in _flat(sample)}
+
+
+def _flat(sample: Any, prefix: str = "") -> list[tuple[str, Any]]:
+    found: list[tuple[str, Any]] = []
+    for name, value in zip(sample._fields, sample, strict=True):
+        found += _flat(value, f"{prefix}{name}.") if hasattr(value, "_fields") else [(prefix + name, value)]
+    return found
 
 
 def _room_for_terms(controller: Controller, start: Any, dialect: Any, length: int) -> dict[str, Column]:
@@ -134,13 +136,18 @@ def _dtype(value: Any) -> Any:
 
 def _typed(state: Any) -> Any:
     """The state with Python's own bools and ints, so that the compiler sees one type."""
-    return type(state)(*[_dtype(value)(value).item() if _dtype(value) != np.float32 else value for value in state])
+    return type(state)(*[_typed(value) if hasattr(value, "_fields") else _plain_number(value) for value in state])
+
+
+def _plain_number(value: Any) -> Any:
+    kind = _dtype(value)
+    return value if kind == np.float32 else kind(value).item()
 
 
 def _plain(dialect: Any) -> Any:
-    """The dialect with integers for enums."""
+    """The dialect with integers for enums; a REAL stays one."""
     shape = plain_type(type(dialect).__name__, dialect._fields)
-    return shape(*[int(value) for value in dialect])
+    return shape(*[value if isinstance(value, np.floating) else int(value) for value in dialect])
 
 
 class _Law(NamedTuple):
@@ -174,12 +181,12 @@ def _loop(law: _Law, shown: tuple[str, ...], is_compiled: bool) -> Callable[...,
     if shown:
         values = ", ".join(f"seen_{field}[k]" if field in shown else f"state.{field}" for field in fields)
         forward = f"state = State({values})"
-    stores = [f"state_{field}[k] = state.{field}" for field in fields]
+    stores = [f"state_{path.replace('.', '_')}[k] = state.{path}" for path, _ in _flat(law.state())]
     stores += [f"terms_{term}[k] = published.{term}" for term in terms]
     names = [f"in_{name}" for name in operands] + [f"seen_{name}" for name in shown]
     source = LOOP.format(
         columns=_unpacked(names),
-        states=_unpacked([f"state_{field}" for field in fields]),
+        states=_unpacked([f"state_{path.replace('.', '_')}" for path, _ in _flat(law.state())]),
         terms=_unpacked([f"terms_{term}" for term in terms]),
         operands=", ".join(f"in_{name}[k]" for name in operands),
         forward=forward,

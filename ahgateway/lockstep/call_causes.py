@@ -17,7 +17,7 @@ from ahgateway.codec.station import Loop
 from ahgateway.core.controllers import replaced
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL
-from ahgateway.lockstep.call_shadow import agree, field_at, key_of, names_for, pv_attrs, stepped
+from ahgateway.lockstep.call_shadow import agree, field_at, key_of, may_be_written, names_for, pv_attrs, stepped
 from ahgateway.lockstep.picture import Picture, predicted
 from ahgateway.lockstep.shadow import Bound, Fit
 from ahgateway.lockstep.suspects import Blame, Suspect
@@ -59,6 +59,10 @@ def blame_call(loop: Loop, fit: Fit, before: Picture, after: Picture) -> Blame:
     """Say which value left first, and what reproduces what the block wrote."""
     case = _Case(loop, fit, before, after)
     suspects = [suspect for hypothesis in HYPOTHESES for suspect in hypothesis(case)]
+    if may_be_written(loop, before, after):
+        mv = loop.controller.roles.mv
+        evidence = f"{mv} {float(after.seen[mv]):g} written without a call looks the same; a counter of the calls tells"
+        suspects.append(Suspect("operand-written", evidence, mv))
     if not suspects:
         suspects = [Suspect("unknown", "no single change of an operand, switch or dialect reproduces what was written")]
     ref = case.run()

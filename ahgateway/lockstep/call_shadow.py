@@ -94,6 +94,13 @@ def fed_back(loop: Loop) -> frozenset[str]:
     )
 
 
+def may_be_written(loop: Loop, before: Picture, after: Picture) -> bool:
+    """Tell whether all that changed may also have been written by somebody without a call: no counter counts calls."""
+    moved = {seen for seen in loop.controller.seen if key_of(before.seen[seen.name]) != key_of(after.seen[seen.name])}
+    own = fed_back(loop)
+    return before.count is None and bool(moved) and all(loop.controller.operand(s.operand).attr in own for s in moved)
+
+
 def pv_attrs(loop: Loop) -> frozenset[str]:
     """Inputs that can hold the process value."""
     return frozenset(loop.controller.operand(name).attr for name in loop.controller.roles.pvs)

@@ -29,6 +29,7 @@ from ahgateway.lockstep.call_shadow import (
     flat,
     key_of,
     lingered,
+    may_be_written,
     merged,
     names_for,
     reads,
@@ -60,6 +61,7 @@ class Calls:
         self.loop = loop
         self._blames = blames
         self.missed: Fit | None = None
+        self._is_apart = False
         self._shadow: Shadow = ()
         self._earliest_ns: int | None = None
         self._off_since_ns: int | None = None
@@ -76,7 +78,7 @@ class Calls:
             tuple((key_of(low), key_of(high)) for (_, low), (_, high) in zip(flat(b.low), flat(b.high), strict=True))
             for b in self._shadow
         )
-        return bounds, self._earliest_ns, self._off_since_ns
+        return bounds, self._earliest_ns, self._off_since_ns, self._is_apart
 
     def forget(self) -> None:
         """Pictures were lost: nothing is known any more."""
@@ -188,6 +190,7 @@ class Calls:
             return Execution(Verdict.UNOBSERVABLE, reason=reason, inputs=after.inputs, count=calls)
         found = explain(loop, self._shadow, variants, after.seen)
         if found.fits:
+            self._is_apart = False
             self._shadow = merged(fit.after for fit in found.fits) or fresh
             return self._agreed(found.fits[0], before, after, is_decided=found.is_decided)
         nearest = found.nearest
@@ -198,7 +201,10 @@ class Calls:
             reached = [stepped(loop, inputs, bound)[0].low for inputs in variants for bound in afresh]
             self._shadow = merged(rejoined(loop, state, after.seen) for state in reached)
             return Execution(Verdict.UNOBSERVABLE, reason=AFRESH, terms=nearest.terms, inputs=nearest.inputs)
-        self._shadow = merged((rejoined(loop, nearest.after.low, after.seen), *fresh))
+        # Without a counter the value may have been written by somebody, and no call at all have happened.
+        kept = self._shadow if may_be_written(loop, before, after) and not self._is_apart else ()
+        self._is_apart = True
+        self._shadow = merged((rejoined(loop, nearest.after.low, after.seen), *fresh, *kept))
         proof = self._proof(nearest, after.seen)
         if proof is not None:
             reason = f"agrees by {proof.value} only; the tolerance of the profile allows it"

@@ -186,3 +186,29 @@ async def test_calls_that_change_nothing_are_counted_where_something_counts() ->
 
     assert {event.verdict for event in executions[3:]} == {Verdict.MATCH}
     assert {event.weight for event in executions} >= {Weight.TRIVIAL, Weight.INFORMATIVE}
+
+
+@pytest.mark.parametrize("counter", [False, True])
+async def test_a_value_written_into_d_while_running_is_named_and_the_sum_goes_on(counter: bool) -> None:
+    """Spec C.7/4: it is ignored. With a counter it is no call; without one it looks like a wrong call, once."""
+    ground = await begun("MELSEC_PID", {"ALPHA": 30, "TD": 20, "KD": 20}, counter=counter)
+    await ground.follow(80)
+    ground.plc.write("L1", "MV", 777)
+    after = [event for event in await ground.follow(60) if isinstance(event, Execution)]
+
+    causes = [suspect.cause for _, blame in diverged(ground) for suspect in blame.suspects]
+    assert causes == ([] if counter else ["operand-written"])
+    assert Verdict.MATCH is after[-1].verdict
+
+
+async def test_a_value_written_into_d_with_the_contact_off_starts_the_sum() -> None:
+    """Spec C.3: MV(n-1) of the first execution is the present content of (d)."""
+    ground = await begun("MELSEC_PID", {"KP": 1, "TI": 0}, counter=True)
+    await ground.follow(20)
+    for name, value in (("EN", False), ("MV", 300), ("EN", True)):
+        ground.plc.write("L1", name, value)
+        await ground.follow(8)
+
+    assert diverged(ground) == []
+    assert 5 > abs(ground.plc.read("L1", "MV") - 300)
+    assert Verdict.MATCH is [event for _, event in ground.events if isinstance(event, Execution)][-1].verdict

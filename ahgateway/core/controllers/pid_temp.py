@@ -205,7 +205,7 @@ def step(operands: Operands, state: State, dialect: PidTempDialect, ts: REAL) ->
 
 def _act(operands: Operands, state: State, dialect: PidTempDialect, seen: Seen, wanted: int, ts: REAL) -> Acted:
     """Do what the wanted mode does, or what an error makes of it."""
-    pending, idle = seen.pending, Parts()
+    pending, idle = seen.pending, law.NOTHING
     disturbance = operands.disturbance
     if wanted == MANUAL and not finite(operands.manualvalue):
         pending |= ERR_MANUAL
@@ -241,7 +241,7 @@ def _automatic(
     elif state.state != AUTOMATIC and not (state.state == SUBSTITUTE and dialect.resume == Resume.INTEGRAL_KEPT):
         entry = law.TRANSFER
     if state.state == AUTOMATIC and state.calls > 0:
-        return Acted(state.core, Parts(), AUTOMATIC, state.calls - 1, False, pending, 0, 0)
+        return Acted(state.core, law.NOTHING, AUTOMATIC, state.calls - 1, False, pending, 0, 0)
     core, parts = law.execute(operands, state.core, dialect, seen.w, seen.x, disturbance, entry, ts)
     if parts.failed:
         pending |= ERR_OUTPUT
@@ -258,7 +258,7 @@ def _substitute(operands: Operands, core: Core, pending: int) -> Acted:
     if operands.setsubstituteoutput:
         y, found, warning = _substitute_output(operands)
     rest = _rest(core, y, core.cooling)
-    return Acted(rest, Parts(), SUBSTITUTE, 0, False, pending | found, warning, flag.BAD_INPUT)
+    return Acted(rest, law.NOTHING, SUBSTITUTE, 0, False, pending | found, warning, flag.BAD_INPUT)
 
 
 def _manual_output(operands: Operands) -> tuple[REAL, int, int]:

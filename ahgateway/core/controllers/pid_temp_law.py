@@ -72,6 +72,10 @@ class Parts(NamedTuple):
     flags: int = 0
 
 
+NOTHING = Parts()
+"""Of a call in which the law was not due; a name, for the compiler knows no defaults."""
+
+
 def two_sets(operands: Operands) -> bool:
     """Tell whether the block switches between heating and cooling parameters."""
     return bool(operands.activatecooling and operands.advancedcooling)
@@ -179,7 +183,8 @@ def execute(
     ez = dead_zoned(operands, dialect, e)
     if not gains_valid(operands):
         i = ZERO if core.i != ZERO and dialect.invalid_gain == InvalidGain.CLEARED else core.i
-        return Core(ZERO, i, ZERO, core.u1, False, cooling, core.outside), Parts(e, ez, flags=ps.flags | flag.BAD_PARAM)
+        refused = Parts(e, ez, ZERO, ZERO, False, ps.flags | flag.BAD_PARAM)
+        return Core(ZERO, i, ZERO, core.u1, False, cooling, core.outside), refused
 
     u = ez - ((ONE - ps.c) * w)
     known = core.valid and not switched

@@ -26,6 +26,8 @@ HALF = REAL(0.5)
 INT_MIN = REAL(-32768)
 INT_MAX = REAL(32767)
 TICK_MAX = REAL(2**30)
+NO_PULSE = Pulse()
+"""Pulses that never ran; a name, for the compiler knows no defaults."""
 PWM = 1
 PER = 2
 
@@ -49,7 +51,9 @@ def calls(duration: REAL, ts: REAL, minimum: int) -> int:
     if not finite(duration):
         return minimum
     count = np.floor((duration / ts) + HALF)
-    return max(minimum, int(count)) if count < TICK_MAX else int(TICK_MAX)
+    if count >= TICK_MAX:
+        return int(TICK_MAX)
+    return int(count) if count > minimum else minimum
 
 
 def heat_line(operands: Operands, y: REAL, low: REAL, high: REAL) -> REAL:
@@ -110,8 +114,8 @@ def put_out(
     """Scale PidOutputSum to the outputs; inactive makes all 0 and FALSE, whatever limits and scaling."""
     if not active:
         # Pulses that never ran are the same either way.
-        if (heat, cool) != (Pulse(), Pulse()) and dialect.pwm_inactive == PwmInactive.CLEARED:
-            heat, cool = Pulse(), Pulse()
+        if (heat != NO_PULSE or cool != NO_PULSE) and dialect.pwm_inactive == PwmInactive.CLEARED:
+            heat, cool = NO_PULSE, NO_PULSE
         return Outputs(ZERO, ZERO, 0, 0, False, False, heat, cool, 0)
     flags = 0
     heat_per, heat_pwm, cool_out, cool_per, cool_pwm = 0, False, ZERO, 0, False
@@ -125,7 +129,7 @@ def put_out(
         heat, heat_pwm = pwm.advance(heat, at, timing, _rule(timing, dialect))
         flags |= flag.BAD_PARAM if pwm.conflicting(timing) else 0
     else:
-        heat = Pulse()
+        heat = NO_PULSE
     if operands.activatecooling:
         cool_out = cool_line(operands, y, operands.cool_lowerscaling, operands.cool_upperscaling)
     if operands.activatecooling and operands.cool_select == PER:
@@ -137,5 +141,5 @@ def put_out(
         cool, cool_pwm = pwm.advance(cool, at, timing, _rule(timing, dialect))
         flags |= flag.BAD_PARAM if pwm.conflicting(timing) else 0
     else:
-        cool = Pulse()
+        cool = NO_PULSE
     return Outputs(heat_out, cool_out, heat_per, cool_per, heat_pwm, cool_pwm, heat, cool, flags)

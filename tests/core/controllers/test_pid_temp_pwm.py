@@ -13,8 +13,9 @@ from ahgateway.core import flags as flag
 from ahgateway.core.controllers import pid_temp
 from ahgateway.core.controllers.begins_temp import VEIL, veil
 from ahgateway.core.controllers.pid_temp_dialect import PwmConflict
+from ahgateway.core.controllers.pid_temp_output import calls
 from ahgateway.core.controllers.pid_temp_pwm import Pulse, Timing, advance, period
-from ahgateway.core.real import REAL, ZERO
+from ahgateway.core.real import REAL, ZERO, quiet
 
 ON = PwmConflict.ON_RULE
 
@@ -141,3 +142,9 @@ def test_a_carry_that_is_not_known_stays_so_over_a_period_without_a_pulse() -> N
     ran, is_on = advance(VEIL, REAL(0), Timing(1, 0, 0), ON)
     assert not is_on
     assert veil(met, met._replace(heat=ran, cool=Pulse())) == met._replace(cool=Pulse())
+
+
+def test_a_time_whose_number_of_calls_no_real_holds_counts_as_none_or_for_ever() -> None:
+    """-3e38 s in calls of 0.1 s is minus infinity, 3e38 s infinity."""
+    with quiet(all="ignore"):
+        assert (0, 2**30) == tuple(calls(REAL(time), REAL(0.1), 0) for time in (-3e38, 3e38))
