@@ -12,9 +12,13 @@ from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
+from pickle import PickleError
 from typing import Any
 
 _FOLDER: list[str] = [""]
+
+DAMAGED = (OSError, EOFError, ValueError, TypeError, LookupError, AttributeError, ImportError, PickleError)
+"""What reading a file that was cut or written by something else can raise."""
 
 
 def keep_in(folder: str) -> None:
@@ -40,8 +44,8 @@ def keep(dispatcher: Any, functions: Iterable[Any]) -> None:
         def load_overload(self, sig: Any, target_context: Any) -> Any:
             try:
                 return super().load_overload(sig, target_context)
-            except Exception:
-                # Whatever a damaged file raises, the law is compiled anew.
+            except DAMAGED:
+                # The law is compiled anew.
                 return None
 
         def save_overload(self, sig: Any, data: Any) -> None:

@@ -1,4 +1,4 @@
-"""Random dialects over all axes: does the search keep the true one, and is what else it keeps the same or named as open?
+"""Random dialects over all axes: does the search keep the true one, and is all else it keeps the same or named open?
 
 Run it as a program: `python tests/bench/bench_survivors.py [DIALECTS] [EXECUTIONS] [FIRST] [DPID|DPIDE|both] [coarse]`.
 With `coarse` no clock of 1 µs is drawn, which takes most of the time: a trace then has Ts as CYCLE instead. For each
