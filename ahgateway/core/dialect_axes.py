@@ -397,7 +397,7 @@ TABLE: tuple[Axis, ...] = (
         ("kept", "the next execution starts anew"),
         "both",
         "run",
-        "switch EN off and on while PV moves, with the D gain above 0; the profile must name `en`",
+        "switch EN off and on while PV moves, with the D gain above 0, first_history known and `en` in the profile",
     ),
     Axis(
         "stop_history",
@@ -405,7 +405,7 @@ TABLE: tuple[Axis, ...] = (
         ("kept", "the next execution starts anew"),
         "both",
         "run",
-        "put the PLC to STOP and RUN while PV moves, with the D gain above 0; the profile must name `running`",
+        "go to STOP and RUN while PV moves, with the D gain above 0, first_history known and `running` in the profile",
     ),
     Axis(
         "manual_integral",
@@ -445,7 +445,7 @@ TABLE: tuple[Axis, ...] = (
         ("in automatic", "in manual too"),
         "both",
         "manual",
-        "a MOUT beyond the limits in manual with MOUT_AUTO on",
+        "twice a MOUT beyond the limits in manual with MOUT_AUTO on",
     ),
     Axis(
         "transfer",

@@ -19,8 +19,8 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import numpy as np
 from dialects import excited, random_dialect
-from lockstep.dialect_traces import loop_of, suited, trace
-from lockstep.test_identify_proof import lost, told, wrong_and_closed
+from lockstep.dialect_traces import loop_of, suited, told, trace
+from lockstep.test_identify_proof import lost, wrong_and_closed
 
 from ahgateway.cli.compiled_laws import keep_compiled
 from ahgateway.core.controllers import CONTROLLERS
