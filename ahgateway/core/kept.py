@@ -17,6 +17,9 @@ from typing import Any
 
 _FOLDER: list[str] = [""]
 
+WITHOUT_ARITHMETIC = ("dialect_axes.py", "kept.py")
+"""Files of the core that decide no bit of a law."""
+
 DAMAGED = (OSError, EOFError, ValueError, TypeError, LookupError, AttributeError, ImportError, PickleError)
 """What reading a file that was cut or written by something else can raise."""
 
@@ -90,5 +93,5 @@ def _texts(folder: Traversable) -> Iterator[bytes]:
     for each in sorted(folder.iterdir(), key=lambda each: each.name):
         if each.is_dir():
             yield from _texts(each)
-        elif each.name.endswith(".py"):
+        elif each.name.endswith(".py") and each.name not in WITHOUT_ARITHMETIC:
             yield each.name.encode() + each.read_bytes()

@@ -16,6 +16,7 @@ from ahgateway.codec.station import Loop
 from ahgateway.core.controllers.delta import limit
 from ahgateway.core.dialect import (
     AXES,
+    BadInput,
     CycleChange,
     EnOffTime,
     ManualHistory,
@@ -90,6 +91,7 @@ def fallen(loop: Loop, pictures: Sequence[Picture]) -> dict[str, set[int]]:
         "run_off_scan": _run_off_scan,
         "run_off_history": _run_off_history,
         "manual_history": _manual_history,
+        "bad_input": _bad_input,
         "mout_scan": _mout_scan,
         "run_on": _run_on,
         "cycle_change": _cycle_change,
@@ -177,6 +179,24 @@ def _stands(seen: _Seen, is_such: Callable[[Picture], bool]) -> bool:
         if after.sent_ns - begin > STILL_CYCLES * (seen.cycle_ns(after) + seen.scan_ns):
             return True
     return False
+
+
+def _bad_input(seen: _Seen) -> Iterator[int]:
+    """An SV that is no number, through CYCLEs in which no word changed though PV did."""
+    begin: Picture | None = None
+    for number, before, after in seen.pairs():
+        is_bad = all(
+            _is_on(each) and each.inputs.pid_run and each.inputs.sv != each.inputs.sv for each in (before, after)
+        )
+        if not is_bad or seen.happened[number]:
+            begin = None
+            continue
+        begin = begin or before
+        is_long = after.sent_ns - begin.last_ns > 2 * (seen.cycle_ns(after) + seen.scan_ns)
+        if is_long and begin.inputs.pv != after.inputs.pv:
+            yield int(BadInput.AS_ZERO)
+            yield int(BadInput.PROPAGATED)
+            return
 
 
 def _mout_scan(seen: _Seen) -> Iterator[int]:

@@ -14,6 +14,7 @@ from lockstep.bench_world import World
 from ahgateway.apps.identify import Learned, learn
 from ahgateway.codec.station import PlantSpec
 from ahgateway.core.dialect import AXES, DEFAULT
+from ahgateway.lockstep.candidates import SAME_ON_DPID
 from ahgateway.lockstep.picture import Picture
 
 GAINS = {
@@ -106,13 +107,13 @@ EITHER: tuple[Advice, ...] = (
         "manual_refresh", (("PID_MAN", True), ("wait", 40), ("MOUT", 38.5), ("wait", 30), ("MOUT", 33.0)),
         world=SLOW,
     ),
-    Advice("mout_auto", (("MOUT_AUTO", True), ("PID_MAN", True), ("MOUT", 120.0), ("MOUT", 130.0), ("wait", 16))),
+    Advice("mout_auto", (("MOUT_AUTO", True), ("PID_MAN", True), *((("MOUT", 120.0), ("MOUT", 130.0)) * 3), ("wait", 16))),
     Advice("transfer", MANUAL),
-    Advice("preset_order", (("D", 0.0437), ("BIAS", 3.3), *TRANSFERS), left={2: (0,)}),
+    Advice("preset_order", (("D", 0.0437), ("BIAS", 3.3), *TRANSFERS)),
     Advice("preset_d", (("D", 0.11), *TRANSFERS)),
     Advice("preset_integrates", MANUAL),
-    Advice("preset_limit", (("K", 9.0), *MANUAL)),
-    Advice("bad_input", (("SV", float("nan")), ("wait", 4), ("SV", 50.0))),
+    Advice("preset_limit", (("K", 30.0), *MANUAL)),
+    Advice("bad_input", (("SV", float("nan")), ("wait", 16), ("SV", 50.0))),
     Advice(
         "form_change",
         (("D", 0.11), ("PID_DIR", False), ("wait", 4), ("PID_DIR", True), ("PID_DE", True), ("PID_DE", False)),
@@ -173,7 +174,8 @@ def every() -> Iterator[tuple[str, Advice, int]]:
         for advice in (*EITHER, *own):
             wanted = [int(value) for value in AXES[advice.axis]] if advice.values is None else advice.values
             for value in wanted:
-                yield name, advice, value
+                if name != "DPID" or SAME_ON_DPID.get(advice.axis) != value:
+                    yield name, advice, value
 
 
 async def walked(name: str, advice: Advice, value: int, *, is_taken: bool = True) -> Learned:
