@@ -397,7 +397,7 @@ TABLE: tuple[Axis, ...] = (
         ("kept", "the next execution starts anew"),
         "both",
         "run",
-        "switch EN off and on while PV moves, with the D gain above 0; the profile must name `en`",
+        "switch EN off and on while PV moves, with the D gain above 0, first_history known and `en` in the profile",
     ),
     Axis(
         "stop_history",
@@ -405,7 +405,7 @@ TABLE: tuple[Axis, ...] = (
         ("kept", "the next execution starts anew"),
         "both",
         "run",
-        "put the PLC to STOP and RUN while PV moves, with the D gain above 0; the profile must name `running`",
+        "go to STOP and RUN while PV moves, with the D gain above 0, first_history known and `running` in the profile",
     ),
     Axis(
         "manual_integral",
@@ -445,7 +445,7 @@ TABLE: tuple[Axis, ...] = (
         ("in automatic", "in manual too"),
         "both",
         "manual",
-        "a MOUT beyond the limits in manual with MOUT_AUTO on",
+        "several times a MOUT beyond the limits in manual with MOUT_AUTO on",
     ),
     Axis(
         "transfer",
@@ -469,7 +469,7 @@ TABLE: tuple[Axis, ...] = (
         ("((MV-P)-D)-BIAS", "MV-((P+D)+BIAS)", "((MV-BIAS)-P)-D", "((MV-D)-P)-BIAS"),
         "both",
         "transfer",
-        "several transfers with P and D not 0",
+        "several transfers with P, D and BIAS not 0",
     ),
     Axis(
         "preset_d",
@@ -493,7 +493,7 @@ TABLE: tuple[Axis, ...] = (
         ("no", "to MV_MIN … MV_MAX"),
         "both",
         "transfer",
-        "a transfer with a large P",
+        "a transfer with a P that is larger than MV_MAX - MV_MIN",
     ),
     Axis(
         "schedule",
@@ -509,7 +509,7 @@ TABLE: tuple[Axis, ...] = (
         ("the execution changes nothing", "it counts as 0", "it is computed with, and what comes of it stays"),
         "both",
         "error",
-        "write 0x7FC00000 to SV for one CYCLE, on a bench",
+        "write 0x7FC00000 to SV for some CYCLEs, on a bench",
     ),
     Axis(
         "form_change",

@@ -12,9 +12,16 @@ from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from importlib.resources import files
 from importlib.resources.abc import Traversable
+from pickle import PickleError
 from typing import Any
 
 _FOLDER: list[str] = [""]
+
+WITHOUT_ARITHMETIC = ("dialect_axes.py", "kept.py")
+"""Files of the core that decide no bit of a law."""
+
+DAMAGED = (OSError, EOFError, ValueError, TypeError, LookupError, AttributeError, ImportError, PickleError)
+"""What reading a file that was cut or written by something else can raise."""
 
 
 def keep_in(folder: str) -> None:
@@ -40,8 +47,8 @@ def keep(dispatcher: Any, functions: Iterable[Any]) -> None:
         def load_overload(self, sig: Any, target_context: Any) -> Any:
             try:
                 return super().load_overload(sig, target_context)
-            except Exception:
-                # Whatever a damaged file raises, the law is compiled anew.
+            except DAMAGED:
+                # The law is compiled anew.
                 return None
 
         def save_overload(self, sig: Any, data: Any) -> None:
@@ -86,5 +93,5 @@ def _texts(folder: Traversable) -> Iterator[bytes]:
     for each in sorted(folder.iterdir(), key=lambda each: each.name):
         if each.is_dir():
             yield from _texts(each)
-        elif each.name.endswith(".py"):
+        elif each.name.endswith(".py") and each.name not in WITHOUT_ARITHMETIC:
             yield each.name.encode() + each.read_bytes()

@@ -17,7 +17,7 @@ from ahgateway.codec.station import Loop
 from ahgateway.core import sift
 from ahgateway.core.compiling import AXIS_COUNT, FIRST_ASKED, asked_row
 from ahgateway.core.controllers.melsec_dialect import NumberFormat
-from ahgateway.core.dialect import AXES, Dialect, IntegralStore, TsSource, TsUnit
+from ahgateway.core.dialect import AXES, Dialect, IntegralStore, PresetOrder, TsSource, TsUnit
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL
 from ahgateway.lockstep.anchor import anchored
@@ -44,6 +44,9 @@ class Held(Protocol):
 C = TypeVar("C", bound=Held)
 
 AXIS_NAMES = tuple(AXES)
+
+SAME_ON_DPID: dict[str, int] = {"integral_store": IntegralStore.WITHOUT_KC, "preset_order": PresetOrder.BIAS_P_D}
+"""Values that are their axis's default on a DPID, which has neither Kc nor BIAS."""
 
 ROOM = 4096
 """So many contents of a filter are followed value by value."""
@@ -125,9 +128,8 @@ def values_of(loop: Loop, fixed: Fixed, axis: str) -> list[int]:
     if axis == "number_format" and loop.controller.operand(loop.controller.roles.mv).kind is not Kind.REAL:
         # A register of whole numbers shows a REAL rounded: the first two values are one.
         return [int(value) for value in NumberFormat if value != NumberFormat.REAL]
-    if axis == "integral_store" and loop.controller.name == "DPID":
-        # There is no Kc that the integral could be without.
-        return [int(IntegralStore.TERM), int(IntegralStore.SUM)]
+    if loop.controller.name == "DPID" and axis in SAME_ON_DPID:
+        return [int(value) for value in AXES[axis] if value != SAME_ON_DPID[axis]]
     return [int(value) for value in loop.controller.axes[axis] if not (is_count and value == TsUnit.TEN_MS)]
 
 

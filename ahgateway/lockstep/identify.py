@@ -23,7 +23,7 @@ from ahgateway.core.dialect import AXES, IntegralStore, TsUnit
 from ahgateway.core.dialect_axes import Axis
 from ahgateway.core.real import REAL, order, same_bits
 from ahgateway.lockstep.anchor import first_anchor
-from ahgateway.lockstep.candidates import Candidate, Carrier, Fixed, dialect_of, joined, values_of
+from ahgateway.lockstep.candidates import SAME_ON_DPID, Candidate, Carrier, Fixed, dialect_of, joined, values_of
 from ahgateway.lockstep.picture import predicted
 from ahgateway.lockstep.shadow import explain, input_variants, judged_names
 from ahgateway.lockstep.thinning import is_dependent, thinned
@@ -171,7 +171,7 @@ def _result(loop: Loop, candidates: list[Candidate], has_kc: bool) -> Identifica
 
 def _same_as(loop: Loop, fixed: Fixed, name: str, has_kc: bool) -> set[int]:
     """Values of an axis that this candidate stands for: its own, and those that could not have made a difference."""
-    every = set(values_of(loop, fixed, name)) if name == "integral_store" else {int(value) for value in AXES[name]}
+    every = set(values_of(loop, fixed, name)) if name in SAME_ON_DPID else {int(value) for value in AXES[name]}
     unit = fixed.get("ts_unit")
     if name not in fixed or (unit == TsUnit.LEFT_OUT and name in ("ts_source", "product")):
         return every

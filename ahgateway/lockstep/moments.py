@@ -16,8 +16,10 @@ from ahgateway.codec.station import Loop
 from ahgateway.core.controllers.delta import limit
 from ahgateway.core.dialect import (
     AXES,
+    BadInput,
     CycleChange,
     EnOffTime,
+    ManualHistory,
     ManualRefresh,
     MoutScan,
     RunOffHistory,
@@ -88,6 +90,8 @@ def fallen(loop: Loop, pictures: Sequence[Picture]) -> dict[str, set[int]]:
         "manual_refresh": _manual_refresh,
         "run_off_scan": _run_off_scan,
         "run_off_history": _run_off_history,
+        "manual_history": _manual_history,
+        "bad_input": _bad_input,
         "mout_scan": _mout_scan,
         "run_on": _run_on,
         "cycle_change": _cycle_change,
@@ -150,18 +154,49 @@ def _run_off_scan(seen: _Seen) -> Iterator[int]:
 
 
 def _run_off_history(seen: _Seen) -> Iterator[int]:
-    """The word of the last PV with PID_RUN off: it stood through CYCLEs in which PV was never seen to be the same."""
+    """The word of the last PV with PID_RUN off."""
+    if _stands(seen, lambda picture: _is_on(picture) and not picture.inputs.pid_run):
+        yield int(RunOffHistory.TRACKED)
+
+
+def _manual_history(seen: _Seen) -> Iterator[int]:
+    """The word of the last PV in manual."""
+    if _stands(seen, _in_manual):
+        yield int(ManualHistory.TRACKED)
+
+
+def _stands(seen: _Seen, is_such: Callable[[Picture], bool]) -> bool:
+    """Tell whether the word of the last PV stood through CYCLEs in which PV was never seen to be the same."""
     recorded = next(word.name for word in seen.loop.controller.seen if word.attr == "pv1")
     begin: int | None = None
     for _, before, after in seen.pairs():
         pv1 = after.seen[recorded]
         is_same = same_bits(before.seen[recorded], pv1) and after.inputs.pv != pv1
-        if not is_same or before.inputs.pid_run or after.inputs.pid_run or not _is_on(before) or not _is_on(after):
+        if not is_same or not is_such(before) or not is_such(after):
             begin = None
             continue
         begin = before.last_ns if begin is None else begin
         if after.sent_ns - begin > STILL_CYCLES * (seen.cycle_ns(after) + seen.scan_ns):
-            yield int(RunOffHistory.TRACKED)
+            return True
+    return False
+
+
+def _bad_input(seen: _Seen) -> Iterator[int]:
+    """An SV that is no number, through CYCLEs in which no word changed though PV did."""
+    begin: Picture | None = None
+    for number, before, after in seen.pairs():
+        is_bad = all(
+            _is_on(each) and each.inputs.pid_run and each.inputs.sv != each.inputs.sv for each in (before, after)
+        )
+        if not is_bad or seen.happened[number]:
+            begin = None
+            continue
+        begin = begin or before
+        is_long = after.sent_ns - begin.last_ns > 2 * (seen.cycle_ns(after) + seen.scan_ns)
+        if is_long and begin.inputs.pv != after.inputs.pv:
+            yield int(BadInput.AS_ZERO)
+            yield int(BadInput.PROPAGATED)
+            return
 
 
 def _mout_scan(seen: _Seen) -> Iterator[int]:

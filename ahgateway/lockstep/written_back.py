@@ -1,4 +1,4 @@
-"""What the instruction writes into registers that it reads: limits exchanged, gains and CYCLE clamped, MOUT set to 0.
+"""What the instruction writes into registers that it reads: limits exchanged, gains and CYCLE clamped, MOUT.
 
 This file alone decides what such a register excludes. A register that changes to just the value that the instruction
 would write, beside an execution, is taken for the instruction's own doing; one that an execution left as it was is not.
@@ -12,14 +12,14 @@ from typing import Any
 
 from ahgateway.codec.station import Loop
 from ahgateway.core.controllers.delta import gain
-from ahgateway.core.dialect import AXES, Clamped, Limits, RunOffMout
+from ahgateway.core.dialect import AXES, Clamped, Limits, MoutAuto, RunOffMout
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import same_bits
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import judged_names
 
 OFTEN = 2
-"""So often MOUT must have become 0 beside MV: an operator, too, may write a 0 there."""
+"""So often MOUT must have become what the instruction would write: an operator, too, may write a 0 or a limit there."""
 
 
 def fallen(loop: Loop, pictures: Sequence[Picture]) -> dict[str, set[int]]:
@@ -32,7 +32,12 @@ def fallen(loop: Loop, pictures: Sequence[Picture]) -> dict[str, set[int]]:
         for before, after in pairwise(pictures)
         if before.aligned_since_ns == after.aligned_since_ns
     ]
-    rules: dict[str, Callable[..., Iterator[int]]] = {"limits": _limits, "clamped": _clamped, "run_off_mout": _stopped}
+    rules: dict[str, Callable[..., Iterator[int]]] = {
+        "limits": _limits,
+        "clamped": _clamped,
+        "run_off_mout": _stopped,
+        "mout_auto": _in_manual,
+    }
     found = {name: set(rule(loop, steps)) for name, rule in rules.items()}
     return {name: gone for name, gone in found.items() if gone and len(gone) < len(AXES[name])}
 
@@ -89,3 +94,15 @@ def _stopped(loop: Loop, steps: Steps) -> Iterator[int]:
                 yield int(RunOffMout.FOLLOWS)
     if times >= OFTEN:
         yield int(RunOffMout.KEPT)
+
+
+def _in_manual(loop: Loop, steps: Steps) -> Iterator[int]:
+    """MOUT beyond the limits in manual under MOUT_AUTO."""
+    times = 0
+    for before, after, _ in steps:
+        old, new = before.inputs, after.inputs
+        is_such = all(each.pid_run and each.pid_man and each.mout_auto for each in (old, new))
+        if is_such and not same_bits(old.mout, new.mout) and not new.mv_min <= old.mout <= new.mv_max:
+            times += int(new.mout in (new.mv_min, new.mv_max) and same_bits(new.mout, after.seen["MV"]))
+    if times >= OFTEN:
+        yield int(MoutAuto.AUTOMATIC)

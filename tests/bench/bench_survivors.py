@@ -1,4 +1,4 @@
-"""Random dialects over all axes: does the search keep the true one, and is what else it keeps the same or named as open?
+"""Random dialects over all axes: does the search keep the true one, and is all else it keeps the same or named open?
 
 Run it as a program: `python tests/bench/bench_survivors.py [DIALECTS] [EXECUTIONS] [FIRST] [DPID|DPIDE|both] [coarse]`.
 With `coarse` no clock of 1 µs is drawn, which takes most of the time: a trace then has Ts as CYCLE instead. For each
@@ -19,8 +19,8 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 import numpy as np
 from dialects import excited, random_dialect
-from lockstep.dialect_traces import loop_of, suited, trace
-from lockstep.test_identify_proof import lost, told, wrong_and_closed
+from lockstep.dialect_traces import loop_of, suited, told, trace
+from lockstep.test_identify_proof import lost, wrong_and_closed
 
 from ahgateway.cli.compiled_laws import keep_compiled
 from ahgateway.core.controllers import CONTROLLERS

@@ -14,6 +14,7 @@ from lockstep.bench_world import World
 from ahgateway.apps.identify import Learned, learn
 from ahgateway.codec.station import PlantSpec
 from ahgateway.core.dialect import AXES, DEFAULT
+from ahgateway.lockstep.candidates import SAME_ON_DPID
 from ahgateway.lockstep.picture import Picture
 
 GAINS = {
@@ -36,10 +37,10 @@ class Advice:
 
     Attributes:
         axis: Name of the axis.
-        moves: `(operand, value)`, `("PV", value)` at the sensor, `("wait", polls)`, `("STOP",)`, `("RUN",)`, `("EN", on)`.
+        moves: `(operand, value)`, `("PV", value)` at the sensor, `("EN", on)`, `("STOP",)`, `("RUN",)` or
+            `("wait", polls)`, one after the other.
         before: What the loop has at the start, beside `PLAIN`.
         world: What the fake PLC is given, beside the usual.
-        instructions: Where the axis is walked.
         values: The values that are walked, all of them where None.
         beside: Axes that must have another value than their default for this one to show.
         left: What stays open beside a value, because it does the same whatever an operator does.
@@ -49,7 +50,6 @@ class Advice:
     moves: tuple[Move, ...] = ()
     before: dict[str, Any] = field(default_factory=dict)
     world: dict[str, Any] = field(default_factory=dict)
-    instructions: tuple[str, ...] = ("DPID", "DPIDE")
     values: tuple[int, ...] | None = None
     beside: dict[str, int] = field(default_factory=dict)
     left: dict[int, tuple[int, ...]] = field(default_factory=dict)
@@ -77,10 +77,9 @@ EITHER: tuple[Advice, ...] = (
     Advice("ts_unit", before={"I": 0.003}, world={"cycle_ms": 130}, values=(0, 1, 2, 4)),
     Advice("ts_scale", (("CYCLE", 0.13), ("wait", 40), ("CYCLE", 0.07), ("wait", 40)), values=(0,)),
     Advice("integrator"),
-    Advice("integral_store", values=(0, 1), instructions=("DPID",)),
     Advice("integral_used"),
-    Advice("product", (("wait", 120),)),
-    Advice("derivative_product", (("D", 0.737), ("wait", 120))),
+    Advice("product", (("SV", 61.3), ("wait", 60), ("SV", 47.7), ("wait", 60))),
+    Advice("derivative_product", (("D", 23.7), ("wait", 160))),
     Advice("first_history", (*FILTERED, *STANDSTILL), left={1: (0, 1)}),
     Advice("sum_order", (("D", 0.0437), ("wait", 40))),
     Advice("freeze_test", (("MV_MAX", 45.0), ("D", 9.0), ("wait", 80))),
@@ -88,7 +87,7 @@ EITHER: tuple[Advice, ...] = (
         "limit_edge", (("PV", 42.0), ("K", 1.0), ("I", 0.0), ("MV_MAX", 16.0), ("I", 0.5), ("wait", 60)),
         world={"cycle_ms": 500, "poll_ms": 60},
     ),
-    Advice("limited_output", (("K", 0.0), ("wait", 8), ("I", 2.9), ("SV", 90.0), ("MV_MAX", 60.0), ("wait", 80))),
+    Advice("limited_output", (("K", 0.0), ("wait", 8), ("MV_MAX", 60.0), ("I", 2.9), ("SV", 90.0), ("wait", 80))),
     Advice("limits", (("MV_MIN", 60.0), ("MV_MAX", 20.0), ("wait", 16))),
     Advice("clamped", (("K", -1.0), ("wait", 8), ("K", 1.3))),
     Advice("ki_off", (("I", 0.0), ("wait", 16), ("I", 0.37))),
@@ -98,21 +97,27 @@ EITHER: tuple[Advice, ...] = (
     Advice("run_on", (("PID_RUN", False), ("wait", 50), ("PID_RUN", True), ("wait", 50)), world=SLOW),
     Advice("en_off_time", (("EN", False), ("wait", 10), ("EN", True), ("wait", 50)), world={**SLOW, "en": "M50"}),
     Advice(
-        "en_on_history", (("D", 0.11), ("wait", 12), ("EN", False), ("wait", 16), ("EN", True), ("wait", 12)),
+        "en_on_history", (*FILTERED, *STANDSTILL, ("EN", False), ("wait", 16), ("EN", True), ("wait", 12)),
         world={"en": "M50"},
     ),
-    Advice("stop_history", (("D", 0.11), ("wait", 12), ("STOP",), ("wait", 16), ("RUN",), ("wait", 12))),
+    Advice("stop_history", (*FILTERED, *STANDSTILL, ("STOP",), ("wait", 16), ("RUN",), ("wait", 12))),
     Advice("manual_integral", MANUAL),
     Advice("manual_history", (("D", 0.11), *MANUAL)),
-    Advice("manual_refresh", (("PID_MAN", True), ("wait", 40), ("MOUT", 38.5), ("wait", 30), ("MOUT", 33.0)), world=SLOW),
-    Advice("mout_auto", (("MOUT_AUTO", True), ("PID_MAN", True), ("MOUT", 120.0), ("wait", 16))),
+    Advice(
+        "manual_refresh", (("PID_MAN", True), ("wait", 40), ("MOUT", 38.5), ("wait", 30), ("MOUT", 33.0)),
+        world=SLOW,
+    ),
+    Advice("mout_auto", (("MOUT_AUTO", True), ("PID_MAN", True), *(("MOUT", 120.0), ("MOUT", 130.0)) * 3)),
     Advice("transfer", MANUAL),
-    Advice("preset_order", (("D", 0.0437), *TRANSFERS)),
+    Advice("preset_order", (("D", 0.0437), ("BIAS", 3.3), *TRANSFERS)),
     Advice("preset_d", (("D", 0.11), *TRANSFERS)),
     Advice("preset_integrates", MANUAL),
-    Advice("preset_limit", (("K", 9.0), *MANUAL)),
-    Advice("bad_input", (("SV", float("nan")), ("wait", 4), ("SV", 50.0))),
-    Advice("form_change", (("D", 0.11), ("PID_DIR", False), ("wait", 4), ("PID_DIR", True), ("PID_DE", True), ("PID_DE", False))),
+    Advice("preset_limit", (("K", 30.0), *MANUAL)),
+    Advice("bad_input", (("SV", float("nan")), ("wait", 16), ("SV", 50.0))),
+    Advice(
+        "form_change",
+        (("D", 0.11), ("PID_DIR", False), ("wait", 4), ("PID_DIR", True), ("PID_DE", True), ("PID_DE", False)),
+    ),
     Advice("cycle_change", (("wait", 30), ("CYCLE", 0.2), ("wait", 50)), world=SLOW),
     Advice(
         "mout_scan", (("MOUT_AUTO", True), ("wait", 300), *(("MOUT", 5.0), ("wait", 4)) * 8),
@@ -125,34 +130,38 @@ EITHER: tuple[Advice, ...] = (
 CROSSED: tuple[Move, ...] = (("PV", 46.0), ("ERR_DBW", 6.0), ("PV", 49.0), ("PV", 51.0), ("PV", 52.0))
 """PV enters the band from below and passes SV = 50."""
 
-ONLY: tuple[Advice, ...] = (
-    Advice("band", (("PV", 45.0), ("ERR_DBW", 3.0), ("PV", 48.5), ("PV", 51.0), ("PV", 54.0), ("PV", 51.0)), instructions=("DPID",)),
-    Advice("band_edge", (("PV", 45.0), ("ERR_DBW", 3.0), ("PV", 47.0), ("PV", 46.0)), instructions=("DPID",)),
-    Advice("derivative_of", (("D", 0.11), ("wait", 12), ("SV", 53.0)), instructions=("DPID",)),
-    Advice("transfer_2", (("PID_MODE", 2), *MANUAL), instructions=("DPID",)),
-    Advice("cross_band", (("PV", 40.0), ("ERR_DBW", 6.0), ("PV", 46.0), ("PV", 47.0)), instructions=("DPIDE",)),
-    Advice("cross_edge", (*CROSSED, ("PV", 56.0), ("PV", 57.0)), instructions=("DPIDE",)),
-    Advice("cross_touch", (("PV", 46.0), ("ERR_DBW", 6.0), ("PV", 50.0), ("PV", 48.0)), instructions=("DPIDE",)),
-    Advice("cross_manual", (*CROSSED, ("PID_MAN", True), ("PID_MAN", False), ("PV", 52.5)), instructions=("DPIDE",)),
-    Advice("cross_d", (("D", 0.11), *CROSSED, ("PV", 51.0), ("PV", 58.0)), instructions=("DPIDE",)),
-    Advice("cross_jump", (("PV", 42.0), ("ERR_DBW", 6.0), ("SV", 38.0), ("PV", 43.0)), instructions=("DPIDE",)),
-    Advice("cross_sv", (*CROSSED, ("SV", 50.5), ("PV", 53.0)), instructions=("DPIDE",)),
+OF_DPID: tuple[Advice, ...] = (
+    Advice("integral_store", values=(0, 1)),
+    Advice("band", (("PV", 45.0), ("ERR_DBW", 3.0), ("PV", 48.5), ("PV", 51.0), ("PV", 54.0), ("PV", 51.0))),
+    Advice("band_edge", (("PV", 45.0), ("ERR_DBW", 3.0), ("PV", 47.0), ("PV", 46.0))),
+    Advice("derivative_of", (("D", 0.11), ("wait", 12), ("SV", 53.0))),
+    Advice("transfer_2", (("PID_MODE", 2), *MANUAL)),
+)  # fmt: skip
+
+OF_DPIDE: tuple[Advice, ...] = (
+    Advice("cross_band", (("PV", 40.0), ("ERR_DBW", 6.0), ("PV", 46.0), ("PV", 47.0))),
+    Advice("cross_edge", (*CROSSED, ("PV", 56.0), ("PV", 57.0))),
+    Advice("cross_touch", (("PV", 46.0), ("ERR_DBW", 6.0), ("PV", 50.0), ("PV", 48.0))),
+    Advice("cross_manual", (*CROSSED, ("PID_MAN", True), ("PID_MAN", False), ("PV", 52.5))),
+    Advice("cross_d", (("D", 0.11), *CROSSED, ("PV", 51.0), ("PV", 58.0))),
+    Advice("cross_jump", (("PV", 42.0), ("ERR_DBW", 6.0), ("SV", 38.0), ("PV", 43.0))),
+    Advice("cross_sv", (*CROSSED, ("SV", 50.5), ("PV", 53.0))),
     Advice(
         "cross_scan",
         (("PV", 46.0), ("ERR_DBW", 6.0), ("wait", 40), ("PV", 51.0), ("wait", 4), ("PV", 49.0), ("wait", 40)),
-        world=SLOW, instructions=("DPIDE",),
+        world=SLOW,
     ),
-    Advice("ratio", (("PID_EQ", True), ("I", 2.7), ("wait", 30)), instructions=("DPIDE",)),
-    Advice("dependent_sum", (("PID_EQ", True), ("I", 2.7), ("wait", 30)), instructions=("DPIDE",)),
-    Advice("integral_store", (("wait", 30),), before=DEPENDENT, instructions=("DPIDE",)),
-    Advice("filter", (("D", 0.4), ("Tf", 0.31), ("wait", 60)), instructions=("DPIDE",)),
-    Advice("filter_content", (("D", 0.4), ("Tf", 0.31), ("wait", 40), ("D", 0.27), ("wait", 40)), instructions=("DPIDE",)),
-    Advice("tf_unit", (("D", 0.4), ("Tf", 0.31), ("PID_EQ", True), ("I", 2.7), ("wait", 60)), instructions=("DPIDE",)),
-    Advice("bias_joins", (("D", 0.0437), ("BIAS", 3.3), ("wait", 60)), instructions=("DPIDE",)),
-    Advice("kc_off", (("PID_EQ", True), ("I", 2.7), ("wait", 20), ("K", 0.0), ("wait", 12), ("K", 1.3)), instructions=("DPIDE",)),
-    Advice("run_off_filter", (("D", 0.4), ("Tf", 0.31), ("wait", 40), *STANDSTILL), instructions=("DPIDE",), beside={"run_off_history": 1}),
-    Advice("manual_filter", (("D", 0.4), ("Tf", 0.31), ("wait", 40), *MANUAL, ("wait", 30)), instructions=("DPIDE",)),
-    Advice("form_integral", (("PID_EQ", True), ("wait", 12), ("PID_EQ", False)), instructions=("DPIDE",)),
+    Advice("ratio", (("PID_EQ", True), ("I", 2.7), ("wait", 30))),
+    Advice("dependent_sum", (("PID_EQ", True), ("I", 2.7), ("wait", 30))),
+    Advice("integral_store", (("wait", 30),), before=DEPENDENT),
+    Advice("filter", (("D", 0.4), ("Tf", 0.31), ("wait", 60))),
+    Advice("filter_content", (("D", 0.4), ("Tf", 0.31), ("wait", 40), ("D", 0.27), ("wait", 40))),
+    Advice("tf_unit", (("D", 0.4), ("Tf", 0.31), ("PID_EQ", True), ("I", 2.7), ("wait", 60))),
+    Advice("bias_joins", (("D", 0.0437), ("BIAS", 3.3), ("wait", 60))),
+    Advice("kc_off", (("PID_EQ", True), ("I", 2.7), ("wait", 20), ("K", 0.0), ("wait", 12), ("K", 1.3))),
+    Advice("run_off_filter", (("D", 0.4), ("Tf", 0.31), ("wait", 40), *STANDSTILL), beside={"run_off_history": 1}),
+    Advice("manual_filter", (("D", 0.4), ("Tf", 0.31), ("wait", 40), *MANUAL, ("wait", 30))),
+    Advice("form_integral", (("PID_EQ", True), ("wait", 12), ("PID_EQ", False))),
 )  # fmt: skip
 
 NOT_IN_PICTURES = ("first_call",)
@@ -161,11 +170,12 @@ NOT_IN_PICTURES = ("first_call",)
 
 def every() -> Iterator[tuple[str, Advice, int]]:
     """Each instruction, axis and value to walk."""
-    for advice in (*EITHER, *ONLY):
-        for name in advice.instructions:
+    for name, own in (("DPID", OF_DPID), ("DPIDE", OF_DPIDE)):
+        for advice in (*EITHER, *own):
             wanted = [int(value) for value in AXES[advice.axis]] if advice.values is None else advice.values
             for value in wanted:
-                yield name, advice, value
+                if name != "DPID" or SAME_ON_DPID.get(advice.axis) != value:
+                    yield name, advice, value
 
 
 async def walked(name: str, advice: Advice, value: int, *, is_taken: bool = True) -> Learned:

@@ -12,8 +12,9 @@ from lockstep.bench_world import bindings
 from ahgateway.codec.station import Loop
 from ahgateway.core.controllers import CONTROLLERS
 from ahgateway.core.controllers.delta_terms import ticks_per_second
-from ahgateway.core.dialect import DEFAULT, Dialect
+from ahgateway.core.dialect import AXES, DEFAULT, Dialect
 from ahgateway.core.real import REAL, quiet
+from ahgateway.lockstep.candidates import SAME_ON_DPID
 from ahgateway.lockstep.identify import Observation
 from ahgateway.lockstep.picture import Picture, predicted
 
@@ -23,6 +24,14 @@ Step = Callable[[Any, Any, Any, Any], tuple[Any, Any]]
 def loop_of(name: str, dialect: Dialect = DEFAULT) -> Loop:
     law = CONTROLLERS[name]
     return Loop("L1", law, bindings(law, 100, 1, 200, {}), dialect=dialect, scan_ms_max=3)
+
+
+def told(name: str, dialect: Dialect) -> Dialect:
+    """The dialect under its usual name: a DPID has neither Kc nor BIAS, and some values are the default there."""
+    if name != "DPID":
+        return dialect
+    same: dict[str, Any] = {a: AXES[a](0) for a, value in SAME_ON_DPID.items() if getattr(dialect, a) == value}
+    return dialect._replace(**same)
 
 
 def picture(tick: int, inputs: Any, seen: dict[str, Any]) -> Picture:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 from dialects import random_dialect
-from lockstep.dialect_traces import loop_of, trace
+from lockstep.dialect_traces import loop_of, told, trace
 
 from ahgateway.core.controllers import CONTROLLERS
 from ahgateway.core.dialect import AXES, DEFAULT, Dialect
@@ -30,7 +30,7 @@ def chosen(**values: str) -> Any:
 
 @pytest.mark.parametrize("seed", range(12))
 def test_the_true_dialect_of_a_dpid_survives(seed: int) -> None:
-    dialect = random_dialect(seed, share=0.35, without=SLOW_TO_TELL)
+    dialect = told("DPID", random_dialect(seed, share=0.35, without=SLOW_TO_TELL))
     found = learned("DPID", dialect, 60, seed=seed)
     assert found.unexplained is None
     assert {} == {name: left for name, left in found.values.items() if int(getattr(dialect, name)) not in left}

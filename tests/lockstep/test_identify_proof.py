@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 from dialects import random_dialect
-from lockstep.dialect_traces import loop_of, trace
+from lockstep.dialect_traces import loop_of, told, trace
 
-from ahgateway.core.dialect import AXES, Dialect, IntegralStore
+from ahgateway.core.dialect import AXES, Dialect
 from ahgateway.lockstep.identify import Identification, identify
 
 pytestmark = [pytest.mark.timeout(600), pytest.mark.xdist_group("compiled-search")]
@@ -21,13 +21,6 @@ pytestmark = [pytest.mark.timeout(600), pytest.mark.xdist_group("compiled-search
 SEEDS = 10
 NOT_IN_A_TRACE = ("pv_word", "ts_source")
 """Where PV stands is found before the search; clocks have a test of their own."""
-
-
-def told(name: str, dialect: Dialect) -> Dialect:
-    """The dialect under its usual name: a DPID has no Kc that its integral could be without."""
-    if name == "DPID" and dialect.integral_store == IntegralStore.WITHOUT_KC:
-        return dialect._replace(integral_store=IntegralStore.TERM)
-    return dialect
 
 
 def lost(found: Identification, dialect: Dialect) -> set[str]:
