@@ -39,6 +39,7 @@ from ahgateway.lockstep.shadow import (
     merged,
     recalled,
     restarted,
+    without_pv,
 )
 from ahgateway.lockstep.suspects import Suspect
 
@@ -153,7 +154,10 @@ class Follower:
 
     def _is_written(self, before: Picture, after: Picture) -> bool:
         """Only words changed that people may write, and no execution leaves them so: somebody wrote them."""
-        return not explains(self.loop, self._shadow, before, after, max(1, self._executions_max(before, after)))
+        if explains(self.loop, self._shadow, before, after, max(1, self._executions_max(before, after))):
+            return False
+        # An integral that runs on in manual follows a PV that nothing shows: that is no write either.
+        return not without_pv(self.loop, self._shadow, input_variants(self.loop, before, after), after.seen)
 
     def _written(self, before: Picture, after: Picture, changed: set[str]) -> list[Event]:
         """Take over what was written; MOUT is an input and reported as such already.

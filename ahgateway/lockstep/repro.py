@@ -1,8 +1,9 @@
 """From a divergence to the smallest case that shows it: what it read, what was remembered, the likeliest cause.
 
 This file decides what of a divergence goes into the file; its form is `core.repro`. The sequence is as short as it can
-be: one execution from the state before it, since that is known; a field of the state that changes no word is left at
-its default. Where one REAL of the state is only bounded, both ends go in, and neither may reproduce the words.
+be: one execution from the state before it, since that is known, or as many as lie between two slow pictures; a field of
+the state that changes no word is left at its default. Where one REAL of the state is only bounded, both ends go in, and
+neither may reproduce the words.
 """
 
 from __future__ import annotations
@@ -37,7 +38,8 @@ def case_of(loop: Loop, blame: Blame, after: Picture, suspects: Iterable[Suspect
     controller = loop.controller
     names = judged_names(loop) if controller.begin is None else names_for(loop, fit.before)
     ts = controller.ts(fit.inputs, loop.dialect) if fit.ts is None else fit.ts
-    execution = Execution(fit.inputs, ts, {name: after.seen[name] for name in names})
+    unseen = [Execution(read, controller.ts(read, loop.dialect), {}) for read in fit.lead]
+    executions = (*unseen, Execution(fit.inputs, ts, {name: after.seen[name] for name in names}))
     starts = (fit.before.low, fit.before.high) if open_path(fit.before) else (fit.before.low,)
     told = {
         "loop": loop.name,
@@ -47,7 +49,7 @@ def case_of(loop: Loop, blame: Blame, after: Picture, suspects: Iterable[Suspect
         "code": code_of(blame.cause),
         "evidence": blame.suspects[0].evidence,
     }
-    case = Case(controller, loop.dialect, starts, (execution,), None, told)
+    case = Case(controller, loop.dialect, starts, executions, None, told)
     if not differences(case):
         return None
     for suspect in (*suspects, *blame.suspects):

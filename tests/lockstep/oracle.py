@@ -10,7 +10,7 @@ from itertools import combinations, product
 from typing import Any
 
 from ahgateway.codec.station import Loop
-from ahgateway.core.real import bits, quiet
+from ahgateway.core.real import REAL, bits, from_order, order, quiet
 from ahgateway.lockstep.picture import Picture
 
 SAYS = {"PROVEN", "OPEN", "BROKEN"}
@@ -70,8 +70,78 @@ class Oracle:
         self.states = behind
         return "PROVEN" if is_proven else "OPEN"
 
+    def says_of_several(self, before: Picture, after: Picture, most: int) -> str:
+        """Judge up to `most` executions of which all that they read is known, but for the moment of one change.
+
+        Returns:
+            PROVEN when one number of executions alone can leave the words, and from every state and moment does;
+            BROKEN when none can; OPEN otherwise.
+        """
+        seen = {word.name: bits(after.seen[word.name]) for word in self.loop.controller.seen}
+        pv = next(after.seen[word.name] for word in self.loop.controller.seen if word.attr == "pv1")
+        early, late = (inputs._replace(pv=pv) for inputs in (before.inputs, after.inputs))
+        behind, counts, is_unanimous = set(), [], True
+        for executions in range(1, most + 1):
+            outcomes = set()
+            for olds in range(executions + 1):
+                for state in self.states:
+                    reached = state
+                    for number in range(executions):
+                        reached, terms = self._step(early if number < olds else late, reached)
+                    words = {word.name: bits(word.value(reached, terms)) for word in self.loop.controller.seen}
+                    outcomes.add(words == seen)
+                    if words == seen:
+                        behind.add(reached)
+            if True in outcomes:
+                counts.append(executions)
+                is_unanimous &= len(outcomes) == 1
+        if not behind:
+            return "BROKEN"
+        self.states = behind
+        return "PROVEN" if len(counts) == 1 and is_unanimous else "OPEN"
+
+    def rest(self, picture: Picture) -> None:
+        """Add what executions that change no word can have left hidden behind a picture."""
+        seen = {word.name: bits(picture.seen[word.name]) for word in self.loop.controller.seen}
+        front = set(self.states)
+        while front:
+            reached = set()
+            for state in front:
+                behind, terms = self._step(picture.inputs, state)
+                if seen == {word.name: bits(word.value(behind, terms)) for word in self.loop.controller.seen}:
+                    reached.add(behind)
+            front = reached - self.states
+            self.states |= front
+
+    def explains_unrecorded(self, before: Picture, after: Picture) -> bool:
+        """Tell whether some PV, which no register shows, leaves the words; I is monotone in it, so it is bisected."""
+        for inputs in self._orders(before, after):
+            for state in self.states:
+                low, high = order(REAL(-1e4)), order(REAL(1e4))
+                ends = [float(self._step(inputs._replace(pv=from_order(end)), state)[0].i) for end in (low, high)]
+                sign = 1 if ends[1] >= ends[0] else -1
+                while low < high:
+                    middle = (low + high) // 2
+                    i = self._step(inputs._replace(pv=from_order(middle)), state)[0].i
+                    low, high = (
+                        (middle + 1, high) if sign * (float(i) - float(after.seen["I_MV"])) < 0 else (low, middle)
+                    )
+                reached, terms = self._step(inputs._replace(pv=from_order(low)), state)
+                words = {word.name: bits(word.value(reached, terms)) for word in self.loop.controller.seen}
+                if words == {word.name: bits(after.seen[word.name]) for word in self.loop.controller.seen}:
+                    return True
+        return False
+
+    def _step(self, inputs: Any, state: Any) -> tuple[Any, Any]:
+        with quiet(all="ignore"):
+            return self.loop.controller.step(
+                inputs, state, self.loop.dialect, self.loop.controller.ts(inputs, self.loop.dialect)
+            )
+
     def _orders(self, before: Picture, after: Picture) -> list[Any]:
         """Each operand that changed was written before or behind the execution; PV is what it recorded."""
+        if after.is_exact:
+            return [after.inputs]
         names = [
             name
             for name in self.loop.controller.input_names

@@ -5,13 +5,18 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import pytest
 from lockstep.bench_world import World
+from lockstep.ways_world import ground
 
 from ahgateway.clock import MILLISECOND
+from ahgateway.codec.ways import Way
 from ahgateway.core.dialect import DEFAULT, SumOrder, TsSource
 from ahgateway.core.real import REAL
+from ahgateway.core.repro import differences, load
 from ahgateway.fake.faults import Fault
 from ahgateway.lockstep.follow import Follower
+from ahgateway.lockstep.repro import case_of
 from ahgateway.lockstep.suspects import Suspect
 
 PID: dict[str, Any] = {"Kc_Kp": 2.0, "Ti_Ki": 0.3, "Td_Kd": 0.4, "Tf": 0.5, "BIAS": 3.0}
@@ -38,8 +43,8 @@ async def gone_wrong(fault: Fault, *, polls: int = 120, seed: int = 5) -> World:
     return ground
 
 
-def first(ground: World) -> Suspect:
-    return ground.follower.suspects[0]
+def first(world: World) -> Suspect:
+    return world.follower.suspects[0]
 
 
 async def test_the_real_gain_lies_in_its_interval_which_every_execution_narrows() -> None:
@@ -48,8 +53,8 @@ async def test_the_real_gain_lies_in_its_interval_which_every_execution_narrows(
     early, late = await gone_wrong(fault, polls=12), await gone_wrong(fault, polls=200)
 
     widths = []
-    for ground in (early, late):
-        suspect = first(ground)
+    for world in (early, late):
+        suspect = first(world)
         assert ("gain", "Ti_Ki") == (suspect.cause, suspect.operand)
         estimate = suspect.estimate
         assert estimate is not None
@@ -212,3 +217,55 @@ async def test_a_loop_that_agreed_once_is_not_sent_to_identify() -> None:
 
     assert "unknown" == first(ground).cause
     assert "identify" not in first(ground).evidence
+
+
+@pytest.mark.parametrize(
+    ("fault", "cause", "operand"),
+    [
+        ("gain-1-percent", "gain", "Kc_Kp"),
+        ("ki-1-percent", "gain", "Ti_Ki"),
+        ("integral-late", "firmware-change", ""),
+    ],
+)
+async def test_polling_slower_than_cycle_names_the_cause_too(fault: str, cause: str, operand: str) -> None:
+    slow = ground(Way.COUNTED, "DPIDE", PID, seed=5)
+    await slow.follow(30)
+    assert slow.follower.counts.diverged == 0
+    slow.plc.fail("L1", fault)
+    slow.plc.write("L1", "SV", 58.0)
+    await slow.follow(12)
+
+    execution = next(event for _, event in slow.events if getattr(event, "blame", None) is not None)
+    assert execution.count > 1
+    assert (cause, operand) == (first(slow).cause, first(slow).operand)
+
+
+async def test_several_executions_are_played_again_from_a_file() -> None:
+    slow = ground(Way.COUNTED, "DPIDE", PID, seed=5)
+    await slow.follow(30)
+    slow.plc.fail("L1", "gain-1-percent")
+    slow.plc.write("L1", "SV", 58.0)
+    await slow.follow(4)
+    picture, execution = next(
+        (picture, event) for picture, event in slow.events if getattr(event, "blame", None) is not None
+    )
+    case = case_of(slow.loop, execution.blame, picture)
+
+    assert case is not None
+    assert execution.count == len(case.executions) > 1
+    assert differences(load(case.text()))
+    assert case.likeliest is not None
+    assert [] == differences(load(case.text()), case.likeliest)
+
+
+async def test_a_size_that_was_coarse_at_first_is_held_to_what_follows() -> None:
+    """What the first, coarser size has left in D's filter is no reason to drop it."""
+    dependent = {**PID, "PID_EQ": True, "Ti_Ki": 1.48, "Kc_Kp": 1.96}
+    world = ground(Way.STEPPED, "DPIDE", dependent, seed=0)
+    await world.follow(30)
+    world.plc.fail("L1", "gain-1-percent")
+    world.plc.write("L1", "SV", 55.0)
+    await world.follow(14)
+
+    assert world.follower.counts.diverged > 10
+    assert ("gain", "Kc_Kp") == (first(world).cause, first(world).operand)
