@@ -13,6 +13,7 @@ from ahgateway.core.controllers.block_axes import axes_of
 from ahgateway.core.dialect import PvWord
 from ahgateway.core.verdict import Exit
 from ahgateway.lockstep import moments, restarts, written_back
+from ahgateway.lockstep.candidates import values_of
 from ahgateway.lockstep.identify import Identification, identify, observed
 from ahgateway.lockstep.identify_calls import identify_calls
 from ahgateway.lockstep.picture import Picture
@@ -90,7 +91,7 @@ class Learned:
                 axis.name,
                 axis.group,
                 tuple(self._spelled(axis.name, value) for value in self.found.values[axis.name]),
-                len(self.found.values[axis.name]) < len(self.loop.controller.axes[axis.name]),
+                len(self.found.values[axis.name]) < len(values_of(self.loop, {}, axis.name)),
                 axis.excitation,
             )
             for axis in self.found.open_axes(self.loop.controller.name)

@@ -38,10 +38,14 @@ def keep(dispatcher: Any, functions: Iterable[Any]) -> None:
     """
     if not _FOLDER[0]:
         return
-    from numba import config
-    from numba.core.caching import FunctionCache
+    import numba
+    from numba.core import caching
 
-    class Kept(FunctionCache):  # type: ignore[misc]
+    # numba says little of its types.
+    config: Any = numba.config
+    base: Any = caching.FunctionCache
+
+    class Kept(base):  # type: ignore[misc]
         """A cache that is never the reason why something fails."""
 
         def load_overload(self, sig: Any, target_context: Any) -> Any:
@@ -61,7 +65,8 @@ def keep(dispatcher: Any, functions: Iterable[Any]) -> None:
     before = config.CACHE_DIR
     config.CACHE_DIR = f"{_FOLDER[0]}/{_fingerprint(functions)}"
     try:
-        dispatcher._cache = Kept(dispatcher.py_func)
+        cache: Any = Kept
+        dispatcher._cache = cache(dispatcher.py_func)
     except (OSError, RuntimeError):
         # No folder that can be written to.
         return

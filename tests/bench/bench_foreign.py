@@ -1,7 +1,7 @@
 """Ten arithmetics outside the family, searched on either instruction: none may be named, the law itself must be.
 
-Run it as a program: `python tests/bench/bench_foreign.py [EXECUTIONS] [SEED]`. It prints a line for each and ends with 1
-when a foreign one is named, or the law is not.
+Run it as a program: `python tests/bench/bench_foreign.py [EXECUTIONS] [SEED]`. It prints a line for each and ends
+with 1 when a foreign one is named, or the law is not.
 """
 
 from __future__ import annotations
