@@ -161,7 +161,8 @@ def _nearest(loop: Loop, shadow: Shadow, variants: list[Any], after: Picture, na
 
     What is open would bend to any cause, and is taken only where nothing is known.
     """
-    starts: list[Shadow] = [(bound,) for bound in shadow if is_settled(bound)][:KNOWN_MAX] or [shadow]
+    known: list[Shadow] = [(bound,) for bound in shadow if is_settled(bound)]
+    starts = known[:KNOWN_MAX] or [shadow]
     found = [explain(loop, start, [read], after.seen, names) for start in starts for read in variants]
     found.sort(key=lambda each: each.distance)
     # One that misses more words than the best is no likely reading.
