@@ -14,7 +14,7 @@ import inspect
 import textwrap
 import types
 from collections import namedtuple
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from enum import EnumMeta
 from functools import lru_cache
 from typing import Any
@@ -52,6 +52,23 @@ def njit(*, is_inner: bool = False) -> Any:
     # numba's own stubs do not know the last two options.
     options: dict[str, Any] = {"no_cpython_wrapper": is_inner, "no_cfunc_wrapper": is_inner}
     return numba_njit(error_model="numpy", fastmath=False, **options)
+
+
+Keeper = Callable[[Any, Iterable[Any]], None]
+"""Keeps what numba's `njit` gave, before it is compiled; the functions compiled with it say which law it is."""
+
+_KEEPERS: list[Keeper] = []
+
+
+def keep_with(keeper: Keeper | None) -> None:
+    """From now on the compiled forms of searches are kept in this way between runs; None keeps none."""
+    _KEEPERS[:] = [] if keeper is None else [keeper]
+
+
+def keep(dispatcher: Any, functions: Iterable[Any]) -> None:
+    """Hand a function that will be compiled to whoever keeps them."""
+    for keeper in _KEEPERS:
+        keeper(dispatcher, functions)
 
 
 @lru_cache(maxsize=16)

@@ -19,10 +19,9 @@ from typing import Any
 import numpy as np
 
 from ahgateway.core import flags as flag
-from ahgateway.core.compiling import FIRST_ASKED, Maker, njit
+from ahgateway.core.compiling import FIRST_ASKED, Maker, keep, njit
 from ahgateway.core.controllers import Controller
 from ahgateway.core.controllers.delta_terms import is_rough, ticks_per_second
-from ahgateway.core.kept import keep
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL
 

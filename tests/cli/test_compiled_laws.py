@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import types
-from collections.abc import Iterator
 from pathlib import Path
 
-import pytest
-
-from ahgateway.core import kept
+from ahgateway.cli.compiled_laws import keep
 from ahgateway.core.compiling import njit
 
 
@@ -22,37 +19,28 @@ def made(constant: int) -> types.FunctionType:
     return types.FunctionType(code, {})
 
 
-@pytest.fixture
-def folder(tmp_path: Path) -> Iterator[Path]:
-    before = kept._FOLDER[0]
-    kept.keep_in(str(tmp_path))
-    yield tmp_path
-    kept.keep_in(before)
-
-
-def compiled(constant: int) -> tuple[int, int]:
+def compiled(folder: Path, constant: int) -> tuple[int, int]:
     """What the function gives of 41, and how often its compiled form was read instead of made."""
     function = made(constant)
     dispatcher = njit()(function)
-    kept.keep(dispatcher, [function])
+    keep(folder, dispatcher, [function])
     return dispatcher(41), sum(dispatcher.stats.cache_hits.values())
 
 
-def test_a_law_is_read_again_and_another_one_is_not_taken_for_it(folder: Path) -> None:
-    assert (42, 0) == compiled(1)
-    assert (42, 1) == compiled(1)
-    assert (43, 0) == compiled(2)
+def test_a_law_is_read_again_and_another_one_is_not_taken_for_it(tmp_path: Path) -> None:
+    assert (42, 0) == compiled(tmp_path, 1)
+    assert (42, 1) == compiled(tmp_path, 1)
+    assert (43, 0) == compiled(tmp_path, 2)
 
 
-def test_a_damaged_file_costs_time_alone(folder: Path) -> None:
-    compiled(1)
-    for each in folder.rglob("*.nbc"):
+def test_a_damaged_file_costs_time_alone(tmp_path: Path) -> None:
+    compiled(tmp_path, 1)
+    for each in tmp_path.rglob("*.nbc"):
         each.write_bytes(each.read_bytes()[:100])
-    assert (42, 0) == compiled(1)
+    assert (42, 0) == compiled(tmp_path, 1)
 
 
-def test_a_folder_that_cannot_be_made_keeps_nothing(folder: Path) -> None:
-    blocked = folder / "file"
+def test_a_folder_that_cannot_be_made_keeps_nothing(tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
     blocked.write_text("in the way", encoding="utf-8")
-    kept.keep_in(str(blocked))
-    assert (42, 0) == compiled(1)
+    assert (42, 0) == compiled(blocked, 1)
