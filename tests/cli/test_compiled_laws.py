@@ -16,7 +16,8 @@ def added(x: int) -> int:
 def made(constant: int) -> types.FunctionType:
     """The same function with another constant in it."""
     code = added.__code__.replace(co_consts=tuple(constant if each == 1 else each for each in added.__code__.co_consts))
-    return types.FunctionType(code, {})
+    # What is read again looks for the module by its name.
+    return types.FunctionType(code, {"__name__": keep.__module__})
 
 
 def compiled(folder: Path, constant: int) -> tuple[int, int]:
