@@ -77,16 +77,21 @@ def keep(folder: Path, dispatcher: Any, functions: Iterable[Any]) -> None:
                 # A full or write-protected disk costs time alone.
                 return
 
+    place = folder / _fingerprint(functions)
     before = config.CACHE_DIR
-    config.CACHE_DIR = str(folder / _fingerprint(functions))
+    config.CACHE_DIR = str(place)
     try:
+        place.mkdir(parents=True, exist_ok=True)
         cache: Any = Kept
-        dispatcher._cache = cache(dispatcher.py_func)
+        kept = cache(dispatcher.py_func)
     except (OSError, RuntimeError):
         # No folder that can be written to.
         return
     finally:
         config.CACHE_DIR = before
+    # Where numba cannot write it looks for a place of its own, in which one law would be taken for another.
+    if Path(kept.cache_path).is_relative_to(place):
+        dispatcher._cache = kept
 
 
 def _fingerprint(functions: Iterable[Any]) -> str:

@@ -41,7 +41,8 @@ def test_a_damaged_file_costs_time_alone(tmp_path: Path) -> None:
     assert (42, 0) == compiled(tmp_path, 1)
 
 
-def test_a_folder_that_cannot_be_made_keeps_nothing(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_to_keeps_nothing_anywhere(tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("in the way", encoding="utf-8")
+    assert (42, 0) == compiled(blocked, 1)
     assert (42, 0) == compiled(blocked, 1)
