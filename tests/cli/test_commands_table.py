@@ -14,6 +14,7 @@ ROOFS = {
     "commands",
     "can_dump",
     "check_ground",
+    "compiled_laws",
     "gate_place",
     "pytest_plugin",
     "interrupt",

@@ -15,6 +15,7 @@ from conformance.peers import AHGATEWAY, plc_process, serial_pair
 from ahgateway.apps.check.live import LiveBench, bench_lease
 from ahgateway.apps.check.result import Verdict
 from ahgateway.apps.check.suite import results
+from ahgateway.cli.gate_place import gate_directory
 from ahgateway.clock import WallClock
 from ahgateway.errors import StateError
 from ahgateway.fake.plc import FakePlc
@@ -95,10 +96,10 @@ def test_a_run_killed_in_the_middle_is_put_back_by_the_journal(bench_plc: str, t
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(timeout=0.05)
     with pytest.raises(StateError, match="is taken by another run on this machine"):
-        bench_lease(tmp_path, bench_plc, "a second run")
+        bench_lease(gate_directory(tmp_path), bench_plc, "a second run")
     process.kill()
     process.communicate(timeout=60)
-    bench_lease(tmp_path, bench_plc, "the next run").release()
+    bench_lease(gate_directory(tmp_path), bench_plc, "the next run").release()
 
     assert AS_FOUND != standing(bench_plc)
     restored = ahgateway("write", *asked, "--arm", "DPIDE", "--restore", "--directory", str(tmp_path))
