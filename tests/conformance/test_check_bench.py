@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import os
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -15,11 +16,11 @@ from conformance.peers import AHGATEWAY, plc_process, serial_pair
 from ahgateway.apps.check.live import LiveBench, bench_lease
 from ahgateway.apps.check.result import Verdict
 from ahgateway.apps.check.suite import results
-from ahgateway.cli.gate_place import gate_directory
 from ahgateway.clock import WallClock
 from ahgateway.errors import StateError
 from ahgateway.fake.plc import FakePlc
 from ahgateway.fake.serve import until
+from ahgateway.lockstep.gate.place import Folders
 from ahgateway.schema.profile import load
 from ahgateway.schema.scenario import parse
 from ahgateway.transports.line import Line
@@ -91,15 +92,17 @@ def test_a_run_killed_in_the_middle_is_put_back_by_the_journal(bench_plc: str, t
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     for _ in range(3000):
         journals = list(tmp_path.glob("*.jsonl"))
-        if journals and '"why": "check: begin"' in journals[0].read_text():
+        if journals and '"check: begin"' in journals[0].read_text():
             break
         with contextlib.suppress(subprocess.TimeoutExpired):
             process.wait(timeout=0.05)
+    assert process.poll() is None, process.communicate()
+    place = Folders(tmp_path, Path(os.environ["XDG_STATE_HOME"]) / "ahgateway" / "leases")
     with pytest.raises(StateError, match="is taken by another run on this machine"):
-        bench_lease(gate_directory(tmp_path), bench_plc, "a second run")
+        bench_lease(place, bench_plc, "a second run")
     process.kill()
     process.communicate(timeout=60)
-    bench_lease(gate_directory(tmp_path), bench_plc, "the next run").release()
+    bench_lease(place, bench_plc, "the next run").release()
 
     assert AS_FOUND != standing(bench_plc)
     restored = ahgateway("write", *asked, "--arm", "DPIDE", "--restore", "--directory", str(tmp_path))
