@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, settings
@@ -20,6 +21,31 @@ settings.load_profile("house")
 
 TARGET = "AHG_TARGET"
 """Environment variable with the URI of a real PLC."""
+
+
+TOGETHER = {
+    "tests/cli/test_cli_identify.py": "search",
+    "tests/conformance/test_stand_in.py": "search",
+    "tests/lockstep/test_identify.py": "search",
+    "tests/lockstep/test_identify_dpide.py": "search",
+    "tests/lockstep/test_identify_foreign.py": "search",
+    "tests/lockstep/test_identify_proof.py": "search",
+    "tests/lockstep/test_million.py": "walk",
+    "tests/core/test_fast.py": "walk",
+}
+"""Files that compile the same: where tests run in several processes, one of them has all of these."""
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Hand tests out one by one, but for those that are compiled together; these go first."""
+    from xdist.scheduler import LoadScopeScheduling
+
+    class Scheduling(LoadScopeScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            return TOGETHER.get(nodeid.partition("::")[0], nodeid)
+
+    return Scheduling(config, log)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -59,7 +59,6 @@ def assert_equal(left: Any, right: Any) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("compiled-walk")
 @pytest.mark.parametrize("name", ["DPID", "DPIDE", "MELSEC_PID"])
 def test_compiled_and_interpreted_laws_give_equal_bits_in_every_dialect(name: str) -> None:
     rng = random.Random(11)

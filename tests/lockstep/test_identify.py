@@ -17,9 +17,6 @@ from ahgateway.lockstep.identify import Identification, identify
 SLOW_TO_TELL = ("ts_source", "filter_content", "pv_word")
 
 
-pytestmark = pytest.mark.xdist_group("compiled-search")
-
-
 def learned(name: str, dialect: Dialect, executions: int = 120, step: Any = None, seed: int = 5) -> Identification:
     return identify(loop_of(name), trace(name, dialect, seed, executions, step))
 

@@ -24,7 +24,7 @@ from ahgateway.core.dialect import (
 from ahgateway.lockstep.anchor import anchored, is_anchor
 from ahgateway.lockstep.identify import Identification, identify, observed
 
-pytestmark = [pytest.mark.timeout(600), pytest.mark.xdist_group("compiled-search")]
+pytestmark = pytest.mark.timeout(600)
 """The law is compiled once, which takes half a minute of a free core."""
 
 REACTOR = PlantSpec("fopdt", 1.5, 40.0, 4.0, 20.0, 0.02, 20.0)

@@ -17,8 +17,6 @@ from ahgateway.lockstep.identify import identify
 
 Step = Callable[[Any, Any, Any, Any], tuple[Any, Any]]
 
-pytestmark = pytest.mark.xdist_group("compiled-search")
-
 
 def widened(step: Step) -> Step:
     """Binary64 inside, REAL at the end."""

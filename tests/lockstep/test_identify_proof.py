@@ -15,7 +15,7 @@ from lockstep.dialect_traces import loop_of, told, trace
 from ahgateway.core.dialect import AXES, Dialect
 from ahgateway.lockstep.identify import Identification, identify
 
-pytestmark = [pytest.mark.timeout(600), pytest.mark.xdist_group("compiled-search")]
+pytestmark = pytest.mark.timeout(600)
 """Compiling takes half a minute of a free core, and a block of dialects about as long."""
 
 SEEDS = 10

@@ -46,7 +46,6 @@ def test_an_open_filter_at_a_limit_or_in_a_transfer_convicts_nobody(seed: int) -
 
 
 @pytest.mark.slow
-@pytest.mark.xdist_group("compiled-walk")
 @pytest.mark.parametrize("law", ["DPID", "DPIDE"])
 def test_executions_walked_in_bulk_are_all_reproduced(law: str) -> None:
     total = 0
