@@ -10,11 +10,9 @@ import random
 from collections.abc import Callable
 from functools import partial
 
-from ahgateway.clock import SECOND
 from ahgateway.codec.station import PlantSpec
 from ahgateway.core.controllers import PID_TEMP
 from ahgateway.core.operands import Kind
-from ahgateway.core.real import REAL
 from ahgateway.fake.memory import real_view
 from ahgateway.fake.rigs import is_pulsed, make_rig
 from ahgateway.fake.wiring import Wiring
@@ -46,7 +44,7 @@ class Process:
 
     def advance(self, elapsed_ns: int) -> None:
         """Let time pass with the actuator asked for what it was."""
-        self.rig.advance(elapsed_ns / SECOND)
+        self.rig.advance(elapsed_ns)
         if self._switches is not None:
             self._switches.show(self.rig.u)
 
@@ -54,6 +52,11 @@ class Process:
         """Write PV as the sensor shows it into its register; nothing where PV is a constant of the program."""
         if self._put_pv is not None and not self.is_frozen:
             self._put_pv(self.rig.reading())
+
+    def overlook(self) -> None:
+        """Leave out a scan's PV: the sensor's noise goes on as if it had been written."""
+        if self._put_pv is not None and not self.is_frozen:
+            self.rig.overlook()
 
     def drive(self) -> None:
         """Take the output to the actuator."""
@@ -138,6 +141,6 @@ def _writer(wiring: Wiring, name: str, scaled: Callable[[float], float]) -> Call
     real = real_view(words)
 
     def put(pv: float) -> None:
-        real[0] = REAL(scaled(pv))
+        real[0] = scaled(pv)
 
     return put

@@ -147,6 +147,24 @@ class PidItem:
         self._execute(now_ns, pv_before)
         return True
 
+    def idle_ns(self) -> int:
+        """How long scans do nothing but gather time, as long as nobody writes; 0 where the next one may do more."""
+        dialect = self._dialect
+        acts_between = (
+            dialect.manual_refresh == ManualRefresh.EACH_SCAN
+            or dialect.cross_scan == CrossScan.EACH_SCAN
+            or dialect.mout_scan == MoutScan.EACH_SCAN
+            or dialect.run_off_scan == RunOffScan.EVERY_SCAN
+            or self._is_restless
+            or (self._fault is not None and self._fault.is_pv_late)
+        )
+        is_at_rest = self._generation == self._memory.generation and self.wiring.enabled() and not self._is_first
+        return self._ts_ns - self._gathered_ns if is_at_rest and not acts_between else 0
+
+    def idle(self, elapsed_ns: int) -> None:
+        """Gather the time of scans that did nothing else."""
+        self._gathered_ns += elapsed_ns
+
     def _between(self) -> None:
         """What some dialects do at a scan at which no execution is due."""
         dialect = self._dialect

@@ -77,14 +77,20 @@ class Load:
         return kept * x + gauss(0.0, self.deviation * sqrt(1.0 - kept * kept))
 
 
+NS_PER_S = 1e9
+
+
 class Rig:
     """A process under way.
 
+    Plants are solved exactly for an input that stands still, so that nothing is computed before somebody looks: PV is
+    the same however often time was told to pass. Only an actuator, a random load and a lag go step by step.
+
     Attributes:
-        pv: PV before the sensor, in binary64.
         u: What the actuator did last.
         asked: What it is asked for.
         load: A load that somebody set, in MV's unit; the random one comes on top.
+        is_stepped: PV depends on how often time is told to pass.
     """
 
     def __init__(
@@ -94,27 +100,53 @@ class Rig:
         self._state = plant.rest()
         self._at = None if actuator is None else actuator.rest()
         self._drift = 0.0
-        self.pv = plant.output(self._state)
+        self._pv: float | None = plant.output(self._state)
         self._lagged = self.pv
+        self._acting = 0.0
+        self._since_ns = 0
         self.u = self.asked = self.load = 0.0
+        self.is_stepped = actuator is not None or load.deviation > 0.0 or sensor.filter_s > 0.0
+
+    @property
+    def pv(self) -> float:
+        """PV before the sensor, in binary64."""
+        if self._pv is None:
+            self._pv = self._plant.step(self._state, self._acting, self._since_ns / NS_PER_S)[1]
+        return self._pv
 
     def ask(self, output: float) -> None:
         """Take an output to the actuator; it keeps what it has while the output is no finite number."""
         if isfinite(output):
             self.asked = output
 
-    def advance(self, dt_s: float) -> None:
-        """Let time pass."""
+    def advance(self, elapsed_ns: int) -> None:
+        """Let time pass, in ns."""
+        if self.is_stepped:
+            self._step(elapsed_ns / NS_PER_S)
+            return
+        self.u = self.asked
+        self._hold(self.u + self.load)
+        self._since_ns += elapsed_ns
+        self._pv = None
+
+    def _hold(self, acting: float) -> None:
+        """Go on with this input from now on."""
+        if acting != self._acting:
+            if self._since_ns:
+                self._state, self._pv = self._plant.step(self._state, self._acting, self._since_ns / NS_PER_S)
+            self._acting, self._since_ns = acting, 0
+
+    def _step(self, dt_s: float) -> None:
         if self._random.deviation:
             self._drift = self._random.step(self._drift, dt_s, self._gauss)
         load = self.load + self._drift
         if self._actuator is None:
             self.u = self.asked
-            self._state, self.pv = self._plant.step(self._state, self.u + load, dt_s)
+            pieces: Pieces = ((dt_s, self.u),)
         else:
             self._at, pieces = self._actuator.step(self._at, self.asked, dt_s)
-            for duration_s, self.u in pieces:
-                self._state, self.pv = self._plant.step(self._state, self.u + load, duration_s)
+        for duration_s, self.u in pieces:
+            self._state, self._pv = self._plant.step(self._state, self.u + load, duration_s)
         if self._sensor.filter_s:
             self._lagged += (self.pv - self._lagged) * (1.0 - exp(-dt_s / self._sensor.filter_s))
 
@@ -127,3 +159,8 @@ class Rig:
         if sensor.resolution:
             shown = round(shown / sensor.resolution) * sensor.resolution
         return min(max(shown, sensor.low), sensor.high)
+
+    def overlook(self) -> None:
+        """Draw the noise of a reading that nobody takes."""
+        if self._sensor.noise:
+            self._gauss(0.0, self._sensor.noise)

@@ -34,14 +34,15 @@ class Sleepy(VirtualClock):
 
 
 async def scanned(plc, late_ms):
-    """Times of the scans in ms."""
-    times, scan = [], plc.scan
+    """Times in ms of the scans, each of which takes PV in."""
+    times, process = [], plc.processes[LOOP]
+    sense = process.sense
 
-    def watched(elapsed_ns=None):
-        scan(elapsed_ns)
+    def watched():
+        sense()
         times.append(plc.now_ns // MILLISECOND)
 
-    plc.scan = watched
+    process.sense = watched
     with pytest.raises(asyncio.CancelledError):
         await scan_in_time(plc, Sleepy(late_ms))
     return times

@@ -9,6 +9,7 @@ from statistics import fmean, pstdev
 
 import pytest
 
+from ahgateway.clock import SECOND
 from ahgateway.plants.actuators import Positioner, Pulses
 from ahgateway.plants.fopdt import Fopdt
 from ahgateway.plants.heat_cool import HeatCool
@@ -48,7 +49,7 @@ def test_pulses_heat_and_cool_with_the_gain_of_their_side() -> None:
     for demand, settles in ((40.0, 20.0 + 2.0 * 40.0), (-40.0, 20.0 - 0.5 * 40.0)):
         found = rig(plant, actuator=Pulses(0.05))
         found.ask(demand)
-        found.advance(1000.0)
+        found.advance(1000 * SECOND)
         assert settles == pytest.approx(found.pv, abs=0.2)
 
 
@@ -74,7 +75,7 @@ def test_a_set_load_joins_at_the_plants_input() -> None:
     found = rig(Integrating(0.5))
     found.ask(3.0)
     found.load = -1.0
-    found.advance(2.0)
+    found.advance(2 * SECOND)
     assert 0.5 * (3.0 - 1.0) * 2.0 == found.pv
 
 
@@ -82,7 +83,7 @@ def test_an_output_that_is_no_number_leaves_the_actuator_where_it_is() -> None:
     found = rig(Integrating(1.0))
     found.ask(3.0)
     found.ask(nan)
-    found.advance(1.0)
+    found.advance(SECOND)
     assert 3.0 == found.pv
 
 
@@ -102,7 +103,7 @@ def test_equal_seeds_give_equal_processes_and_others_do_not() -> None:
         found = rig(Fopdt(1.0, 2.0), Sensor(noise=0.5), Load(1.0), seed=seed)
         readings = []
         for _ in range(20):
-            found.advance(0.1)
+            found.advance(SECOND // 10)
             readings.append(found.reading())
         return readings
 
@@ -115,7 +116,7 @@ def test_the_sensor_lags_rounds_and_ends() -> None:
     assert 8.0 == lagging.reading()
     stepped = rig(Integrating(1.0), Sensor(filter_s=2.0))
     stepped.ask(10.0)
-    stepped.advance(1.0)
+    stepped.advance(SECOND)
     assert 10.0 * (1.0 - exp(-0.5)) == pytest.approx(stepped.reading())
     assert 12.5 == rig(Integrating(0.0, initial=12.34), Sensor(resolution=0.5)).reading()
     assert 10.0 == rig(Integrating(0.0, initial=12.34), Sensor(low=0.0, high=10.0)).reading()

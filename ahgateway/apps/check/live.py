@@ -326,7 +326,7 @@ class LiveCourse:
         self._watch.take(picture)
         now_ns = self._clock.now_ns()
         if self._rig is not None:
-            self._rig.advance((now_ns - moved_ns) / SECOND)
+            self._rig.advance(now_ns - moved_ns)
             self._rig.ask(self._watch.seen.moments[-1].mv)
         pv = self._line.sensor(self._watch.now_s(), self._reading)
         if pv is not None and not self._link.is_cut():
