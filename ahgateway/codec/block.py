@@ -45,16 +45,24 @@ class Image:
 
     def words(self, span: Span) -> tuple[int, ...]:
         """Return the `span.count` bits or words of a span; CodecError where nothing was read."""
-        cells = self._cells[span.table]
+        cells, first = self._cells[span.table], span.address
         try:
-            return tuple([cells[address] for address in range(span.address, span.end)])
+            if span.count == 2:
+                return cells[first], cells[first + 1]
+            return tuple([cells[address] for address in range(first, span.end)])
         except KeyError as error:
-            raise CodecError(f"{span.table.value} {error.args[0]:#06x} was not read") from None
+            raise _not_read(span.table, error.args[0]) from None
 
     def bit(self, address: Address) -> bool:
         """Return the bit at an address, of a bit table or inside a word; CodecError where nothing was read."""
-        value = self.words(Span(address.table, address.address, 1))[0]
+        value = self._cells[address.table].get(address.address)
+        if value is None:
+            raise _not_read(address.table, address.address)
         return bool(value >> address.bit & 1) if address.bit is not None else value != 0
+
+
+def _not_read(table: Table, address: int) -> CodecError:
+    return CodecError(f"{table.value} {address:#06x} was not read")
 
 
 def address(loop: Loop, devices: DeviceMap, operand: str) -> Address:
@@ -94,27 +102,50 @@ def spans(loop: Loop, devices: DeviceMap) -> dict[str, Span]:
     return found
 
 
-def raw(loop: Loop, devices: DeviceMap, image: Image) -> dict[str, tuple[int, ...]]:
-    """Return the raw words of every operand, constants encoded, and of `EN` and `COUNTER` where bound.
+class Layout:
+    """Where every operand of one loop stands, found once for all its pictures.
+
+    Args:
+        loop: The loop.
+        devices: Map of its PLC.
 
     Raises:
-        CodecError: The image lacks a word.
+        CodecError: A device is not in the map.
     """
-    found: dict[str, tuple[int, ...]] = {}
-    for row in loop.controller.operands:
-        binding = loop.bindings[row.name]
-        if isinstance(binding, Const):
-            found[row.name] = encode(row.kind, binding.value)
-        elif row.kind is Kind.BOOL:
-            found[row.name] = (int(image.bit(devices.address(binding, bits=True))),)
-        else:
-            found[row.name] = image.words(_span(devices.address(binding), row))
-    if loop.en is not None:
-        found[EN] = (int(image.bit(devices.address(loop.en, bits=True))),)
-    if loop.counter is not None:
-        place = devices.address(loop.counter)
-        found[COUNTER] = image.words(Span(place.table, place.address, 1))
-    return found
+
+    def __init__(self, loop: Loop, devices: DeviceMap) -> None:
+        # Every name in the instruction's order; what is read takes its place.
+        self._blank: dict[str, tuple[int, ...]] = {}
+        self._words: list[tuple[str, Span]] = []
+        self._bits: list[tuple[str, Address]] = []
+        for row in loop.controller.operands:
+            binding = loop.bindings[row.name]
+            if isinstance(binding, Const):
+                self._blank[row.name] = encode(row.kind, binding.value)
+                continue
+            self._blank[row.name] = ()
+            if row.kind is Kind.BOOL:
+                self._bits.append((row.name, devices.address(binding, bits=True)))
+            else:
+                self._words.append((row.name, _span(devices.address(binding), row)))
+        if loop.en is not None:
+            self._bits.append((EN, devices.address(loop.en, bits=True)))
+        if loop.counter is not None:
+            place = devices.address(loop.counter)
+            self._words.append((COUNTER, Span(place.table, place.address, 1)))
+
+    def raw(self, image: Image) -> dict[str, tuple[int, ...]]:
+        """Return the raw words of every operand, constants encoded, and of `EN` and `COUNTER` where bound.
+
+        Raises:
+            CodecError: The image lacks a word.
+        """
+        found = dict(self._blank)
+        for name, span in self._words:
+            found[name] = image.words(span)
+        for name, place in self._bits:
+            found[name] = (int(image.bit(place)),)
+        return found
 
 
 def inputs(loop: Loop, raw: Raw) -> Any:

@@ -163,6 +163,7 @@ class Sampler:
         self._sees = sees
         self.plan = picture_plan(loop, station)
         self.torn_count = 0
+        self._layout = block.Layout(loop, station.devices)
         self._watched = seen_spans(loop, station.devices)
         self._unasked = [] if station.is_snapshot else _memory_spans(loop, station.devices)
         self._station = station
@@ -192,7 +193,7 @@ class Sampler:
         for _ in range(TRIES_MAX):
             inner = await self._read(self.plan.inner)
             last = await self._read(self.plan.bracket)
-            if self._fingerprint(first) == self._fingerprint(last):
+            if _values(first) == _values(last) or self._fingerprint(first) == self._fingerprint(last):
                 return self._develop([first[0], *inner, *last])
             self.torn_count += 1
             first = last
@@ -226,7 +227,7 @@ class Sampler:
 
     def _develop(self, replies: list[Reply]) -> Picture:
         image = self._image(replies)
-        words = block.raw(self.loop, self._station.devices, image)
+        words = self._layout.raw(image)
         tick, self._tick = self._tick, self._tick + 1
         last_ns = max(reply.last_ns for reply in replies)
         picture = Picture(
@@ -249,6 +250,10 @@ class Sampler:
         if self._station.running is None:
             return None
         return bool(image.bit(self._station.devices.address(self._station.running)))
+
+
+def _values(replies: list[Reply]) -> list[tuple[int, ...]]:
+    return [reply.values for reply in replies]
 
 
 def seen_spans(loop: Loop, devices: DeviceMap) -> list[Span]:

@@ -110,6 +110,11 @@ def judged_names(loop: Loop) -> tuple[str, ...]:
     return tuple(seen.name for seen in loop.controller.seen if not isinstance(loop.bindings.get(seen.operand), Const))
 
 
+def _key(names: Iterable[str], words: Mapping[str, REAL]) -> tuple[int, ...]:
+    """The bits under every name, as something to compare and to look up."""
+    return tuple([bits(words[name]) for name in names])
+
+
 def same_words(names: Iterable[str], left: Mapping[str, REAL], right: Mapping[str, REAL]) -> bool:
     """Tell whether both have the same bits under every name."""
     return all(same_bits(left[name], right[name]) for name in names)
@@ -273,6 +278,7 @@ def explain(
     fits: list[Fit] = []
     is_decided = False
     nearest: tuple[int, Fit] | None = None
+    shown = _key(names, seen)
     for inputs in variants:
         by_interval: dict[int, set[tuple[int, ...]]] = {}
         fitting: list[Fit] = []
@@ -280,24 +286,24 @@ def explain(
             for ts in intervals(loop, inputs, bound.low, seen.get("I_MV")):
                 after, low_terms, high_terms = stepped(loop, inputs, bound, ts)
                 low = predicted(loop.controller, after.low, low_terms)
-                is_point = after.low is after.high
-                high = low if is_point else predicted(loop.controller, after.high, high_terms)
-                predictions = by_interval.setdefault(bits(ts), set())
-                predictions.add(tuple(bits(low[name]) for name in names))
+                low_key = high_key = _key(names, low)
+                high, is_point = low, after.low is after.high
                 if not is_point:
-                    predictions.add(tuple(bits(high[name]) for name in names))
+                    high = predicted(loop.controller, after.high, high_terms)
+                    high_key = _key(names, high)
+                by_interval.setdefault(bits(ts), set()).update((low_key, high_key))
                 fit = Fit(inputs, bound, after, low_terms, open_terms(low_terms, high_terms), ts)
                 if open_attr(bound) == "d" and loose.is_loose(loop):
                     between, found = _loosely(loop, fit, low, high, seen, names)
-                    predictions.update(between)
+                    by_interval[bits(ts)].update(between)
                     fitting.extend(found)
-                elif not is_point and not same_words(names, low, high):
+                elif low_key != high_key:
                     is_free = not (low_terms.flags | high_terms.flags) & (flag.FREEZE_HI | flag.FREEZE_LO)
                     if not (is_free and _is_excluded(names, low, high, seen)):
                         fitting.extend(_narrowed(loop, inputs, bound, seen, names, ts))
-                elif same_words(names, low, seen):
+                elif low_key == shown:
                     fitting.append(fit)
-                missed = distance(names, low, seen)
+                missed = 0 if low_key == shown else distance(names, low, seen)
                 if nearest is None or missed < nearest[0]:
                     nearest = (missed, fit)
         if fitting:

@@ -79,7 +79,7 @@ def test_spans_are_as_long_as_their_operands() -> None:
 
 
 def test_the_block_is_typed_bit_for_bit() -> None:
-    inputs = block.inputs(LOOP, block.raw(LOOP, AH, picture()))
+    inputs = block.inputs(LOOP, block.Layout(LOOP, AH).raw(picture()))
     assert bits(inputs.sv) == 0x42480000
     assert bits(inputs.pv) == 0x414570A4
     assert bits(inputs.ki) == 0x3DCCCCCD
@@ -90,7 +90,7 @@ def test_the_block_is_typed_bit_for_bit() -> None:
 
 
 def test_seen_values_stand_at_their_double_words() -> None:
-    raw = block.raw(LOOP, AH, picture())
+    raw = block.Layout(LOOP, AH).raw(picture())
     seen = block.seen(LOOP, raw)
     assert bits(seen["I_MV"]) == 0x3F800000
     assert bits(seen["I_MV+1"]) == 0x414570A4
@@ -102,7 +102,7 @@ def test_seen_values_stand_at_their_double_words() -> None:
 
 def test_a_constant_is_encoded_and_never_read_nor_seen() -> None:
     loop = Loop("x", DPID, {**BINDINGS, "Kd": Const(0.1), "PID_RUN": Const(True), "MOUT": Const(0.0)})
-    raw = block.raw(loop, AH, picture())
+    raw = block.Layout(loop, AH).raw(picture())
     assert raw["Kd"] == (0xCCCD, 0x3DCC)
     assert raw["PID_RUN"] == (1,)
     assert "EN" not in raw
@@ -112,7 +112,7 @@ def test_a_constant_is_encoded_and_never_read_nor_seen() -> None:
 
 def test_a_flag_may_be_a_bit_inside_a_word() -> None:
     loop = Loop("x", DPID, {**BINDINGS, "PID_MAN": parse_device("D104.1"), "PID_DIR": parse_device("D106.2")})
-    raw = block.raw(loop, AH, picture())
+    raw = block.Layout(loop, AH).raw(picture())
     assert block.address(loop, AH, "PID_MAN") == Address(Table.HOLDING, 104, 1)
     assert raw["PID_MAN"] == (0,)
     assert raw["PID_DIR"] == (1,)  # CYCLE is 20 = 0b10100
@@ -121,7 +121,7 @@ def test_a_flag_may_be_a_bit_inside_a_word() -> None:
 def test_a_later_reply_counts() -> None:
     image = picture()
     image.put(Read(1, Table.HOLDING, 102, 2), (0x0000, 0x3F80))
-    assert block.inputs(LOOP, block.raw(LOOP, AH, image)).pv == 1.0
+    assert block.inputs(LOOP, block.Layout(LOOP, AH).raw(image)).pv == 1.0
 
 
 def test_words_that_were_never_read_are_not_invented() -> None:
