@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 
 
@@ -48,6 +48,7 @@ class Operand:
         source: Where range and meaning come from.
         text: What it does, one sentence without a full stop.
         words: Length in words; BOOL has 0.
+        attr: Name in the law's tuples: the manual's name in lower case.
     """
 
     name: str
@@ -60,8 +61,7 @@ class Operand:
     source: Source
     text: str
     words: int
+    attr: str = field(init=False)
 
-    @property
-    def attr(self) -> str:
-        """Name in the law's tuples: the manual's name in lower case."""
-        return self.name.lower()
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "attr", self.name.lower())

@@ -31,7 +31,7 @@ TIMEOUT_NS = 50 * MILLISECOND
 PAUSE_NS = 2 * MILLISECOND
 """Longer than a second copy of a reply is behind the first: the link assumes that too."""
 FAULT_RATE = 0.4
-EXCHANGES = (2, 14)
+EXCHANGES, FEW_EXCHANGES = (2, 14), (1, 6)
 """Fewest and most exchanges on the bad line; how many is the seed's choice."""
 SOUND = Script((), 0)
 TURNS_MAX = 500
@@ -98,9 +98,9 @@ class History:
             now_ms if address % 2 else address for address in range(request.address, request.address + request.count)
         )
 
-    def run(self) -> list[Outcome]:
+    def run(self, exchanges: tuple[int, int] = EXCHANGES) -> list[Outcome]:
         """Return the outcomes of some exchanges on the bad line and of at least one on the good line after it."""
-        outcomes = [self.exchange() for _ in range(self.random.randint(*EXCHANGES))]
+        outcomes = [self.exchange() for _ in range(self.random.randint(*exchanges))]
         self.faulty.script = SOUND
         for _ in range(200):
             outcomes.append(self.exchange())
@@ -174,10 +174,10 @@ class History:
         heapq.heappush(self.coming, (self.free_ns, self.order, piece.data))
 
 
-def faults_of(seed: int, wire: str) -> list[str]:
+def faults_of(seed: int, wire: str, exchanges: tuple[int, int] = EXCHANGES) -> list[str]:
     """Run one history and say what in it broke a law; empty when all is well."""
     history = History(seed, wire)
-    return broken_laws(history, history.run(), seed)
+    return broken_laws(history, history.run(exchanges), seed)
 
 
 def broken_laws(history: History, outcomes: list[Outcome], seed: int, *, is_end: bool = True) -> list[str]:
