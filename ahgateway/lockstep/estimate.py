@@ -22,7 +22,13 @@ RATIO_NEAR = 2e-5
 """A factor so near to 1 is rounding, unless the words come out by bits."""
 
 NEIGHBOURS = 48
-"""So many REALs on either side of the fitted value are tried by bits."""
+"""What so many REALs on either side of the fitted value leave must enclose each word, roundings apart."""
+
+HOLE_MAX = 8
+"""So many REALs in a row that miss by one ULP do not end a run."""
+
+STRIDES = tuple(1 << power for power in range(4, 13))
+"""So far from the fitted value, in REALs, a value is sought that leaves the words by bits."""
 
 NAMES = ("I_MV", "MV")
 
@@ -39,13 +45,14 @@ class Size:
     is_exact: bool
 
 
-def sized(words: Callable[[REAL], Words], seen: Words, held: float) -> Size | None:
+def sized(words: Callable[[REAL], Words], seen: Words, held: float, *, is_carried: bool = False) -> Size | None:
     """Solve for the value under which the law leaves what the PLC wrote; None when none does.
 
     Args:
         words: What the law leaves with this value.
         seen: What the PLC wrote.
         held: What the register holds, positive; the value is sought between a fifth and five times of it.
+        is_carried: D's filter holds what an estimate has left there, so that MV may be off by a last bit.
     """
     ratio = _ratio(words, seen, held)
     if ratio is None:
@@ -53,21 +60,74 @@ def sized(words: Callable[[REAL], Words], seen: Words, held: float) -> Size | No
     start = order(REAL(held * ratio))
     edges = order(REAL(held * RATIO_MIN)), order(REAL(held * RATIO_MAX))
 
-    def is_hit(position: int) -> bool:
-        found = words(from_order(position))
-        return all(same_bits(found[name], seen[name]) for name in NAMES)
-
     def is_near(position: int) -> bool:
         found = words(from_order(position))
         return all(miss(found, seen, name) <= ULP_SLACK for name in NAMES)
 
-    for away in range(NEIGHBOURS + 1) if _is_enclosed(words, seen, start) else ():
-        hit = next((each for each in (start + away, start - away) if is_hit(each)), None)
-        if hit is not None:
-            return _size(hit, *_run(is_hit, hit, *edges), is_exact=True)
+    run = _hits(words, seen, start, edges, int(is_carried)) if _is_enclosed(words, seen, start) else None
+    if run is not None:
+        return _size(start, *run, is_exact=True)
     if abs(ratio - 1.0) < RATIO_NEAR or not is_near(start):
         return None
     return _size(start, *_run(is_near, start, *edges), is_exact=False)
+
+
+def _hits(
+    words: Callable[[REAL], Words], seen: Words, start: int, edges: tuple[int, int], slack: int
+) -> tuple[int, int] | None:
+    """The run of positions that leave every word by bits; None when there is none near the start.
+
+    Each word follows the value one way, so that the run of each is found by itself.
+    """
+    low, high = edges
+    for name in NAMES:
+        off = slack if name == "MV" else 0
+
+        def side(position: int, name: str = name) -> int:
+            found, wanted = words(from_order(position))[name], seen[name]
+            return 0 if same_bits(found, wanted) else (-1 if found < wanted else 1)
+
+        def is_hit(position: int, name: str = name, off: int = off) -> bool:
+            return abs(order(words(from_order(position))[name]) - order(seen[name])) <= off
+
+        hit = _zero(side, start)
+        if hit is None:
+            return None
+        first, last = _run(is_hit, hit, *edges)
+        low, high = max(low, first), min(high, last)
+    middle = (low + high) // 2
+    for each in (middle, *(middle + sign * away for away in range(1, HOLE_MAX + 1) for sign in (1, -1))):
+        if low <= each <= high:
+            found = words(from_order(each))
+            if all(same_bits(found[name], seen[name]) for name in NAMES):
+                return low, high
+    return None
+
+
+def _zero(side: Callable[[int], int], start: int) -> int | None:
+    """A position near the start at which a monotone side is 0."""
+    here = side(start)
+    if here == 0:
+        return start
+    for stride in STRIDES:
+        for there in (start - stride, start + stride):
+            beyond = side(there)
+            if beyond == 0:
+                return there
+            if beyond != here:
+                return _between(side, start, there, here)
+    return None
+
+
+def _between(side: Callable[[int], int], start: int, end: int, here: int) -> int | None:
+    """A position between two of unlike sides at which the side is 0."""
+    while abs(end - start) > 1:
+        middle = (start + end) // 2
+        found = side(middle)
+        if found == 0:
+            return middle
+        start, end = (middle, end) if found == here else (start, middle)
+    return None
 
 
 def _is_enclosed(words: Callable[[REAL], Words], seen: Words, start: int) -> bool:
@@ -113,6 +173,14 @@ def _run(holds: Callable[[int], bool], start: int, first: int, last: int) -> tup
 
 
 def _end(holds: Callable[[int], bool], start: int, sign: int, room: int) -> int:
+    """The last position that way; terms that move against each other leave holes of a few REALs in a run."""
+    end = _last(holds, start, sign, room)
+    beyond = (end + sign * away for away in range(2, HOLE_MAX + 2))
+    further = next((each for each in beyond if abs(each - start) <= room and holds(each)), None)
+    return end if further is None else _end(holds, further, sign, room - abs(further - start))
+
+
+def _last(holds: Callable[[int], bool], start: int, sign: int, room: int) -> int:
     good, stride = 0, 1
     while good + stride <= room and holds(start + sign * (good + stride)):
         good += stride

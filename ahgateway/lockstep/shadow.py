@@ -311,21 +311,53 @@ def explain(
 def advanced(loop: Loop, shadow: Shadow, inputs: Any) -> Shadow:
     """Return what the shadow can be behind one more execution of which nothing was seen; () when that is anything.
 
-    A bound that is limited in one way at its low end and in another at its high end encloses nothing.
+    A bound that is limited in one way at its low end and in another at its high end encloses nothing: it is cut.
     """
     found: list[Bound] = []
     for bound in shadow:
         for ts in intervals(loop, inputs):
-            after, low_terms, high_terms = stepped(loop, inputs, bound, ts)
-            if low_terms.flags != high_terms.flags:
+            parts = _alike(loop, inputs, bound, ts)
+            if not parts:
                 return ()
-            # MV is not seen either, and nothing reads it again but a transfer, of which `counted` claims nothing.
-            after = Bound(after.low, after.high._replace(mv=after.low.mv))
-            fit = Fit(inputs, bound, after, low_terms, open_terms(low_terms, high_terms), ts)
-            found.extend(each.after for each in _unrecorded(loop, fit))
+            for part in parts:
+                after, low_terms, high_terms = stepped(loop, inputs, part, ts)
+                # MV is not seen either. What reads it again is a transfer, of which `counted` claims nothing, and a
+                # limit that was reached, which is the same all through this part.
+                after = Bound(after.low, after.high._replace(mv=after.low.mv))
+                fit = Fit(inputs, part, after, low_terms, open_terms(low_terms, high_terms), ts)
+                found.extend(each.after for each in _unrecorded(loop, fit))
         if len(found) > ADVANCED_MAX:
             return ()
     return merged(found)
+
+
+def _alike(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> list[Bound]:
+    """Cut a bound into parts that are limited alike at both ends, and so all through; [] where rounding hides where."""
+    attr = open_attr(bound)
+
+    def kind(position: int) -> tuple[Any, ...]:
+        state = bound.low if attr is None else bound.low._replace(**{attr: from_order(position)})
+        with quiet(all="ignore"):
+            after, terms = loop.controller.step(inputs, state, loop.dialect, ts)
+        if loop.dialect.freeze != Freeze.PREVIOUS_MV:
+            return (terms.flags,)
+        return terms.flags, *(side for edge in (inputs.mv_min, inputs.mv_max) for side in (after.mv > edge, after.mv < edge))
+
+    if attr is None:
+        return [bound]
+    first, last = sorted((order(getattr(bound.low, attr)), order(getattr(bound.high, attr))))
+    if kind(first) == kind(last):
+        return [bound]
+    if attr == "d" and loose.is_loose(loop):
+        return []
+    found = []
+    while first <= last:
+        same = kind(first)
+        end = last if same == kind(last) else _first(first, last, lambda position: kind(position) != same) - 1
+        low, high = (bound.low._replace(**{attr: from_order(each)}) for each in (first, end))
+        found.append(Bound(low, high))
+        first = end + 1
+    return found
 
 
 def _split(loop: Loop, shadow: Shadow) -> Iterator[Bound]:
@@ -462,7 +494,7 @@ def _loosely(
             return set(), [fit] if same_words(names, low, seen) else []
         # Too many to try: there may be others between, so that nothing is decided.
         rough = loose.roughness(loop, fit.inputs, fit.ts, fit.before.low, fit.after.low, fit.terms)
-        if loose.is_excluded(fit, names, low, high, seen, rough):
+        if loose.is_excluded(loop, fit, names, low, high, seen, rough):
             return {()}, []
         return {()}, _narrowed(loop, fit.inputs, fit.before, seen, names, fit.ts)
     found, predictions = [], set()
