@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from math import isfinite, log
+from math import inf, isfinite, log
 from typing import Any
 
 from ahgateway.codec.station import Loop
@@ -377,6 +377,7 @@ def _gain(case: _Case, name: str, attr: str, *, is_carried: bool = False) -> Sus
     held = float(getattr(case.fit.inputs, attr))
     if not isfinite(held) or held <= 0.0:
         return None
+
     def words(value: REAL) -> dict[str, REAL]:
         return case.run(case.fit.inputs._replace(**{attr: value}))[0]
 
@@ -468,11 +469,18 @@ def _rounding(case: _Case) -> list[Suspect]:
     """Every word is the reference's but for its last bits: the operations round otherwise, or in another order."""
     ref, terms = case.run()
     size = max(_largest(case, terms), abs(float(ref["I_MV"])), 1e-30) * 2.0**-23
-    worst = max(abs(float(case.seen[name]) - float(ref[name])) / size for name in case.names)
+    other = ref if case.fit.before.is_point else case.run(state=case.fit.before.high)[0]
+    worst = max(_beyond(case.seen[name], ref[name], other[name]) / size for name in case.names)
     if not worst <= ROUNDED_ULP * (1 + len(case.fit.lead)) or not is_settled(case.fit.before):
         return []
     evidence = f"all words come within {worst:.1f} ULP of the largest term: they are rounded otherwise"
     return [Suspect("rounding", evidence)]
+
+
+def _beyond(seen: REAL, one: REAL, other: REAL) -> float:
+    """By how much a word lies beyond both of two; 0 between them."""
+    low, high = sorted((float(one), float(other)))
+    return max(low - float(seen), float(seen) - high, 0.0) if seen == seen else inf
 
 
 def _largest(case: _Case, terms: Any) -> float:

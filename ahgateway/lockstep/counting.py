@@ -32,7 +32,6 @@ from ahgateway.lockstep.shadow import (
     Explanation,
     Fit,
     Shadow,
-    advanced,
     changed_inputs,
     distance,
     explain,
@@ -45,6 +44,7 @@ from ahgateway.lockstep.shadow import (
 )
 from ahgateway.lockstep.suspects import Blame, Suspect, agreeing
 from ahgateway.lockstep.thinning import is_plain
+from ahgateway.lockstep.unseen import advanced
 
 LED_MAX = 6
 """Of runs longer than this no cause is sought: there are too many."""

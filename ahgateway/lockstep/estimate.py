@@ -27,6 +27,9 @@ NEIGHBOURS = 48
 HOLE_MAX = 8
 """So many REALs in a row that miss by one ULP do not end a run."""
 
+HOLES_MAX = 8
+"""So many holes of a run are passed over, and no more."""
+
 STRIDES = tuple(1 << power for power in range(4, 13))
 """So far from the fitted value, in REALs, a value is sought that leaves the words by bits."""
 
@@ -174,10 +177,15 @@ def _run(holds: Callable[[int], bool], start: int, first: int, last: int) -> tup
 
 def _end(holds: Callable[[int], bool], start: int, sign: int, room: int) -> int:
     """The last position that way; terms that move against each other leave holes of a few REALs in a run."""
-    end = _last(holds, start, sign, room)
-    beyond = (end + sign * away for away in range(2, HOLE_MAX + 2))
-    further = next((each for each in beyond if abs(each - start) <= room and holds(each)), None)
-    return end if further is None else _end(holds, further, sign, room - abs(further - start))
+    end = start
+    for _ in range(HOLES_MAX):
+        end = _last(holds, end, sign, room - abs(end - start))
+        beyond = (end + sign * away for away in range(2, HOLE_MAX + 2))
+        further = next((each for each in beyond if abs(each - start) <= room and holds(each)), None)
+        if further is None:
+            break
+        end = further
+    return end
 
 
 def _last(holds: Callable[[int], bool], start: int, sign: int, room: int) -> int:

@@ -314,8 +314,10 @@ class Inquiry:
         return (key[0] in ONCE or is_clock) and 2 * count >= self._diverged
 
     def _is_rounding(self, key: Key, laws: list[Rival]) -> bool:
-        """Tell whether last bits alone differ, so that a size this near to the register's is rounding too."""
-        near = all(abs(each.suspect.ratio - 1.0) < ROUNDING_RATIO and each.suspect.estimate for each in laws)
+        """Tell whether last bits alone differ: a law that misses some, or is nearly the reference's, is rounding."""
+        near = all(
+            each.missed or (abs(each.suspect.ratio - 1.0) < ROUNDING_RATIO and each.suspect.estimate) for each in laws
+        )
         return key[0] == "rounding" and near and self._seen[key] >= SHARE_MIN * self._diverged
 
     def _dated(self, suspect: Suspect) -> Suspect:

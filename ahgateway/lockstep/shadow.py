@@ -32,9 +32,6 @@ from ahgateway.lockstep.picture import Picture, predicted
 BOUNDS_MAX = 48
 """More possibilities than this are no knowledge: the shadow starts again from the block."""
 
-ADVANCED_MAX = 512
-"""More states than this behind an unseen execution are not even sorted: where Ts is measured, each is its own."""
-
 SETTLED_ULP = 1 << 16
 """A bound this narrow is as good as one state when it comes to causes; a fresh one spans all REALs."""
 
@@ -276,7 +273,7 @@ def explain(
     for inputs in variants:
         by_interval: dict[int, set[tuple[int, ...]]] = {}
         fitting: list[Fit] = []
-        for bound in _split(loop, _passed_unseen(loop, inputs, shadow)):
+        for bound, is_part in _split(loop, _passed_unseen(loop, inputs, shadow)):
             for ts in intervals(loop, inputs, bound.low, seen.get("I_MV")):
                 after, low_terms, high_terms = stepped(loop, inputs, bound, ts)
                 low = predicted(loop.controller, after.low, low_terms)
@@ -297,76 +294,26 @@ def explain(
                         fitting.extend(_narrowed(loop, inputs, bound, seen, names, ts))
                 elif same_words(names, low, seen):
                     fitting.append(fit)
+                if is_part:
+                    continue
                 missed = distance(names, low, seen)
                 if nearest is None or missed < nearest[0]:
                     nearest = (missed, fit)
         if fitting:
-            fits.extend(each for fit in fitting for each in _unrecorded(loop, fit))
+            fits.extend(each for fit in fitting for each in unrecorded(loop, fit))
             is_decided = is_decided or _is_told(by_interval, fitting)
     if nearest is None:
         return Explanation(tuple(fits), is_decided, None)
     return Explanation(tuple(fits), is_decided, nearest[1], nearest[0])
 
 
-def advanced(loop: Loop, shadow: Shadow, inputs: Any) -> Shadow:
-    """Return what the shadow can be behind one more execution of which nothing was seen; () when that is anything.
-
-    A bound that is limited in one way at its low end and in another at its high end encloses nothing: it is cut.
-    """
-    found: list[Bound] = []
+def _split(loop: Loop, shadow: Shadow) -> Iterator[tuple[Bound, bool]]:
+    """The bounds, and by itself, as a part, a filter of the input that holds 0: it begins with what it meets."""
     for bound in shadow:
-        for ts in intervals(loop, inputs):
-            parts = _alike(loop, inputs, bound, ts)
-            if not parts:
-                return ()
-            for part in parts:
-                after, low_terms, high_terms = stepped(loop, inputs, part, ts)
-                # MV is not seen either. What reads it again is a transfer, of which `counted` claims nothing, and a
-                # limit that was reached, which is the same all through this part.
-                after = Bound(after.low, after.high._replace(mv=after.low.mv))
-                fit = Fit(inputs, part, after, low_terms, open_terms(low_terms, high_terms), ts)
-                found.extend(each.after for each in _unrecorded(loop, fit))
-        if len(found) > ADVANCED_MAX:
-            return ()
-    return merged(found)
-
-
-def _alike(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> list[Bound]:
-    """Cut a bound into parts that are limited alike at both ends, and so all through; [] where rounding hides where."""
-    attr = open_attr(bound)
-
-    def kind(position: int) -> tuple[Any, ...]:
-        state = bound.low if attr is None else bound.low._replace(**{attr: from_order(position)})
-        with quiet(all="ignore"):
-            after, terms = loop.controller.step(inputs, state, loop.dialect, ts)
-        if loop.dialect.freeze != Freeze.PREVIOUS_MV:
-            return (terms.flags,)
-        return terms.flags, *(side for edge in (inputs.mv_min, inputs.mv_max) for side in (after.mv > edge, after.mv < edge))
-
-    if attr is None:
-        return [bound]
-    first, last = sorted((order(getattr(bound.low, attr)), order(getattr(bound.high, attr))))
-    if kind(first) == kind(last):
-        return [bound]
-    if attr == "d" and loose.is_loose(loop):
-        return []
-    found = []
-    while first <= last:
-        same = kind(first)
-        end = last if same == kind(last) else _first(first, last, lambda position: kind(position) != same) - 1
-        low, high = (bound.low._replace(**{attr: from_order(each)}) for each in (first, end))
-        found.append(Bound(low, high))
-        first = end + 1
-    return found
-
-
-def _split(loop: Loop, shadow: Shadow) -> Iterator[Bound]:
-    """The bounds, and by itself a filter of the input that holds 0: it begins with what it meets."""
-    for bound in shadow:
-        yield bound
+        yield bound, False
         if not bound.is_point and loop.dialect.filter_content == FilterContent.INPUT and bound.low.d < 0 < bound.high.d:
             empty = bound.low._replace(d=REAL(0))
-            yield Bound(empty, empty)
+            yield Bound(empty, empty), True
 
 
 def _passed_unseen(loop: Loop, inputs: Any, shadow: Shadow) -> Shadow:
@@ -389,7 +336,7 @@ def hides_pv(loop: Loop, inputs: Any) -> bool:
     return bool(loop.dialect.manual_history)
 
 
-def _unrecorded(loop: Loop, fit: Fit) -> list[Fit]:
+def unrecorded(loop: Loop, fit: Fit) -> list[Fit]:
     """Open what follows from a PV that the execution did not record: D's filter and the cross status of DPIDE."""
     low, high = fit.after
     if not hasattr(low, "cross") or not hides_pv(loop, fit.inputs):
@@ -465,8 +412,8 @@ def _narrowed(
 
     low, high = sorted((order(getattr(bound.low, attr)), order(getattr(bound.high, attr))))
     sign = -1 if side(low) > side(high) else 1
-    first = _first(low, high, lambda position: sign * side(position) >= 0)
-    last = _first(low, high, lambda position: sign * side(position) > 0) - 1
+    first = first_for(low, high, lambda position: sign * side(position) >= 0)
+    last = first_for(low, high, lambda position: sign * side(position) > 0) - 1
     if first > last:
         return []
     part = Bound(bound.low._replace(**{attr: from_order(first)}), bound.low._replace(**{attr: from_order(last)}))
@@ -519,7 +466,7 @@ def _joined(fits: list[Fit]) -> list[Fit]:
     return [Fit(fits[0].inputs, before, after, fits[0].terms, open_ones, fits[0].ts)]
 
 
-def _first(low: int, high: int, holds: Callable[[int], bool]) -> int:
+def first_for(low: int, high: int, holds: Callable[[int], bool]) -> int:
     """Smallest position in low…high for which a monotone condition holds; high + 1 when it never does."""
     while low <= high:
         middle = (low + high) // 2
@@ -604,9 +551,10 @@ def is_unbounded(bound: Bound) -> bool:
 def is_roughly_bounded(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
     """Tell whether a miss says nothing, because the ends of an open bound need not enclose the truth.
 
-    So it is at a limit, in manual and in a transfer, where what is followed stands or jumps while D is open.
+    So it is at a limit, in manual and in a transfer, where what is followed stands or jumps while D is open; but not
+    if a word is missed that does not depend on it.
     """
-    if fit.before.is_point or loop.controller.law_ts is None:
+    if fit.before.is_point or loop.controller.law_ts is None or _is_missed_anyway(loop, fit, seen):
         return False
     read = fit.inputs
     is_at_limit = any(same_bits(seen["MV"], edge) for edge in (read.mv_min, read.mv_max))
@@ -615,6 +563,20 @@ def is_roughly_bounded(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
         return True
     is_at_limit |= bool(fit.terms.flags & (flag.FREEZE_HI | flag.FREEZE_LO))
     return is_at_limit and loop.dialect.freeze == Freeze.BACK_CALCULATED
+
+
+def _is_missed_anyway(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
+    """Tell whether a word is missed with every content of D's filter alike."""
+    if open_attr(fit.before) != "d" or fit.ts is None:
+        return False
+    after, low_terms, high_terms = stepped(loop, fit.inputs, fit.before, fit.ts)
+    low, high = predicted(loop.controller, after.low, low_terms), predicted(loop.controller, after.high, high_terms)
+    return any(
+        same_bits(low[name], high[name])
+        and not same_bits(low[name], seen[name])
+        and loose.is_same_between(loop, fit, (name,), low)
+        for name in judged_names(loop)
+    )
 
 
 def patched(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> Shadow:

@@ -165,6 +165,7 @@ async def go_wrong(world: World, name: str) -> Trial:
     suspects = world.follower.suspects
     true_ones = _true_ones(name, suspects)
     is_right = bool(true_ones) and true_ones[0] is suspects[0]
+    rivals = (suspects[0], true_ones[0]) if true_ones and not is_right else ()
     return Trial(
         len(wrong),
         len(seen),
@@ -172,7 +173,7 @@ async def go_wrong(world: World, name: str) -> Trial:
         false,
         suspects,
         is_right,
-        bool(true_ones) and not is_right and all(leaves_the_same(world.loop, s, log) for s in (suspects[0], true_ones[0])),
+        bool(rivals) and all(leaves_the_same(world.loop, each, log) for each in rivals),
         bool(seen) and not convicted and world.loop.way is Way.POLLED and is_possible(world, world.looks),
     )
 

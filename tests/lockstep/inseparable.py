@@ -7,6 +7,7 @@ of it; and a picture that the right law can have left convicts nobody.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from itertools import pairwise
 from typing import Any
 
 from lockstep.bench_world import World
@@ -64,7 +65,7 @@ def is_possible(world: World, looks: Sequence[Picture]) -> bool:
     log = [entry for entry in world.plc.log("L1") if entry.time_ns <= first.last_ns]
     oracle = Oracle(world.loop)
     oracle.states = {_as_shown(world.loop, log[-1].state, first)}
-    for before, after in zip(looks, looks[1:], strict=False):
+    for before, after in pairwise(looks):
         span_ns = after.last_ns - before.sent_ns
         apart_ns = round(float(world.loop.controller.nominal_ts(after.inputs)) * 1e9)
         if not oracle.follows(before, after, 1 + span_ns // apart_ns):
