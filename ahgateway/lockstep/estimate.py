@@ -30,8 +30,8 @@ HOLE_MAX = 8
 HOLES_MAX = 8
 """So many holes of a run are passed over, and no more."""
 
-STRIDES = tuple(1 << power for power in range(4, 13))
-"""So far from the fitted value, in REALs, a value is sought that leaves the words by bits."""
+REACH = 1 << 12
+"""So far from the fitted value, in REALs, a value is sought that leaves a word by bits."""
 
 NAMES = ("I_MV", "MV")
 
@@ -82,21 +82,24 @@ def _hits(
 
     Each word follows the value one way, so that the run of each is found by itself.
     """
-    low, high = edges
+    hits = []
     for name in NAMES:
-        off = slack if name == "MV" else 0
 
         def side(position: int, name: str = name) -> int:
             found, wanted = words(from_order(position))[name], seen[name]
             return 0 if same_bits(found, wanted) else (-1 if found < wanted else 1)
 
+        hits.append(_zero(side, start))
+        if hits[-1] is None:
+            return None
+    low, high = edges
+    for name, hit in zip(NAMES, hits, strict=True):
+        off = slack if name == "MV" else 0
+
         def is_hit(position: int, name: str = name, off: int = off) -> bool:
             return abs(order(words(from_order(position))[name]) - order(seen[name])) <= off
 
-        hit = _zero(side, start)
-        if hit is None:
-            return None
-        first, last = _run(is_hit, hit, *edges)
+        first, last = _run(is_hit, hit or start, *edges)
         low, high = max(low, first), min(high, last)
     middle = (low + high) // 2
     for each in (middle, *(middle + sign * away for away in range(1, HOLE_MAX + 1) for sign in (1, -1))):
@@ -112,13 +115,10 @@ def _zero(side: Callable[[int], int], start: int) -> int | None:
     here = side(start)
     if here == 0:
         return start
-    for stride in STRIDES:
-        for there in (start - stride, start + stride):
-            beyond = side(there)
-            if beyond == 0:
-                return there
-            if beyond != here:
-                return _between(side, start, there, here)
+    for there in (start - REACH, start + REACH):
+        beyond = side(there)
+        if beyond != here:
+            return _between(side, start, there, here) if beyond else there
     return None
 
 

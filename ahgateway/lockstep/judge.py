@@ -24,9 +24,9 @@ from ahgateway.lockstep.shadow import (
     Shadow,
     explain,
     input_variants,
+    is_missed_anyway,
     is_roughly_bounded,
     is_settled,
-    is_unbounded,
     judged_names,
     merged,
     patched,
@@ -143,14 +143,12 @@ def judge(
 
 
 def _is_rough(loop: Loop, shadow: Shadow, variants: list[Any], after: Picture, nearest: Fit) -> bool:
-    """Tell whether the miss says nothing, of one set of inputs at least, because of what is open."""
-    if is_roughly_bounded(loop, nearest, after.seen):
-        return True
-    if len(variants) == 1 or not is_unbounded(nearest.before):
+    """Tell whether the miss says nothing because of what is open, unless every set of inputs misses a word anyway."""
+    if not is_roughly_bounded(loop, nearest, after.seen):
         return False
     names = judged_names(loop)
-    others = (explain(loop, shadow, [read], after.seen, names).nearest for read in variants)
-    return any(each is not None and is_roughly_bounded(loop, each, after.seen) for each in others)
+    every = (explain(loop, shadow, [read], after.seen, names).nearest for read in variants)
+    return not all(each is not None and is_missed_anyway(loop, each, after.seen) for each in every)
 
 
 def _fresh(loop: Loop, before: Picture, after: Picture) -> Shadow:

@@ -551,10 +551,9 @@ def is_unbounded(bound: Bound) -> bool:
 def is_roughly_bounded(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
     """Tell whether a miss says nothing, because the ends of an open bound need not enclose the truth.
 
-    So it is at a limit, in manual and in a transfer, where what is followed stands or jumps while D is open; but not
-    if a word is missed that does not depend on it.
+    So it is at a limit, in manual and in a transfer, where what is followed stands or jumps while D is open.
     """
-    if fit.before.is_point or loop.controller.law_ts is None or _is_missed_anyway(loop, fit, seen):
+    if fit.before.is_point or loop.controller.law_ts is None:
         return False
     read = fit.inputs
     is_at_limit = any(same_bits(seen["MV"], edge) for edge in (read.mv_min, read.mv_max))
@@ -565,7 +564,7 @@ def is_roughly_bounded(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
     return is_at_limit and loop.dialect.freeze == Freeze.BACK_CALCULATED
 
 
-def _is_missed_anyway(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
+def is_missed_anyway(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
     """Tell whether a word is missed with every content of D's filter alike."""
     if open_attr(fit.before) != "d" or fit.ts is None:
         return False
