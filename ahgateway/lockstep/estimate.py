@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 
-from ahgateway.core.real import REAL, from_order, order, same_bits
+from ahgateway.core.real import REAL, bits, from_order, order, same_bits
 
 RATIO_MIN, RATIO_MAX = 0.2, 5.0
 """An operand that would have to be wrong by more than this explains nothing."""
@@ -60,6 +60,7 @@ def sized(words: Callable[[REAL], Words], seen: Words, held: float, *, is_carrie
     ratio = _ratio(words, seen, held)
     if ratio is None:
         return None
+    words = _remembering(words)
     start = order(REAL(held * ratio))
     edges = order(REAL(held * RATIO_MIN)), order(REAL(held * RATIO_MAX))
 
@@ -73,6 +74,19 @@ def sized(words: Callable[[REAL], Words], seen: Words, held: float, *, is_carrie
     if abs(ratio - 1.0) < RATIO_NEAR or not is_near(start):
         return None
     return _size(start, *_run(is_near, start, *edges), is_exact=False)
+
+
+def _remembering(words: Callable[[REAL], Words]) -> Callable[[REAL], Words]:
+    """The same, each value asked once: both words are looked for around one place."""
+    known: dict[int, Words] = {}
+
+    def once(value: REAL) -> Words:
+        key = bits(value)
+        if key not in known:
+            known[key] = words(value)
+        return known[key]
+
+    return once
 
 
 def _hits(

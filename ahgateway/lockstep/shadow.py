@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -402,6 +403,7 @@ def _narrowed(
         return []
     is_rough = attr == "d" and loose.is_loose(loop)
 
+    @cache
     def side(position: int) -> int:
         if is_rough:
             # A filter that holds 0 begins anew and is no part of any order; `_split` has it apart.
