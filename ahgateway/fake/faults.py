@@ -156,7 +156,8 @@ def _limits_before(step: Step) -> Step:
         if terms.flags & NOT_SUMMED:
             return after, terms
         low, high = _limits(inputs)
-        mv = limit(low, terms.p + _integral_term(inputs, dialect, terms.i), high) + terms.d
+        used = state.i if dialect.integral_used else terms.i
+        mv = limit(low, terms.p + _integral_term(inputs, dialect, used), high) + terms.d
         return _with_mv(inputs, after, terms, mv + terms.bias if hasattr(terms, "bias") else mv)
 
     return wrong

@@ -10,12 +10,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from math import isfinite, log
+from math import inf, isfinite, log
 from typing import Any
 
 from ahgateway.codec.station import Loop
 from ahgateway.core.controllers import Controller
-from ahgateway.core.dialect import AXES, TsSource
+from ahgateway.core.controllers.delta import ZERO, gain
+from ahgateway.core.dialect import AXES, FilterContent, TsSource
 from ahgateway.core.dialect_axes import BY_NAME
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits, ulp_distance
@@ -205,8 +206,8 @@ def sized_again(loop: Loop, fit: Fit, before: Picture, after: Picture, suspect: 
     """Estimate a suspect of size on another execution; None when no size of it explains that one."""
     case = _Case(loop, fit, before, after, judged_names(loop))
     if suspect.cause == "cycle":
-        return _cycle(case)
-    return _gain(case, suspect.operand, case.controller.operand(suspect.operand).attr)
+        return _cycle(case, is_carried=True)
+    return _gain(case, suspect.operand, case.controller.operand(suspect.operand).attr, is_carried=True)
 
 
 def _first_term(case: _Case, suspect: Suspect) -> tuple[str, REAL, REAL]:
@@ -372,11 +373,15 @@ def _gains(case: _Case) -> list[Suspect]:
     return sorted(suspects, key=_rank)
 
 
-def _gain(case: _Case, name: str, attr: str) -> Suspect | None:
+def _gain(case: _Case, name: str, attr: str, *, is_carried: bool = False) -> Suspect | None:
     held = float(getattr(case.fit.inputs, attr))
     if not isfinite(held) or held <= 0.0:
         return None
-    size = sized(lambda value: case.run(case.fit.inputs._replace(**{attr: value}))[0], case.seen, held)
+
+    def words(value: REAL) -> dict[str, REAL]:
+        return case.run(case.fit.inputs._replace(**{attr: value}))[0]
+
+    size = sized(words, case.seen, held, is_carried=is_carried)
     if size is None:
         return None
     estimate = _estimate(size, case.controller.operand(name).unit)
@@ -385,9 +390,11 @@ def _gain(case: _Case, name: str, attr: str) -> Suspect | None:
     return Suspect("gain", evidence, name, ratio, "", estimate, scaled(attr, ratio))
 
 
-def _cycle(case: _Case) -> Suspect | None:
+def _cycle(case: _Case, *, is_carried: bool = False) -> Suspect | None:
     held = float(case.span(case.fit.inputs, None))
-    size = sized(lambda value: case.run(ts=value)[0], case.seen, held) if held > 0.0 else None
+    if not held > 0.0:
+        return None
+    size = sized(lambda value: case.run(ts=value)[0], case.seen, held, is_carried=is_carried)
     if size is None:
         return None
     estimate = _estimate(size, "s")
@@ -461,13 +468,39 @@ def _integral(case: _Case) -> list[Suspect]:
 def _rounding(case: _Case) -> list[Suspect]:
     """Every word is the reference's but for its last bits: the operations round otherwise, or in another order."""
     ref, terms = case.run()
-    parts = [abs(float(getattr(terms, name, 0.0))) for name in ("p", "i", "d", "bias", "raw")]
-    size = max(*parts, abs(float(ref["I_MV"])), 1e-30) * 2.0**-23
-    worst = max(abs(float(case.seen[name]) - float(ref[name])) / size for name in case.names)
+    size = max(_largest(case, terms), abs(float(ref["I_MV"])), 1e-30) * 2.0**-23
+    other = ref if case.fit.before.is_point else case.run(state=case.fit.before.high)[0]
+    worst = max(_beyond(case.seen[name], ref[name], other[name]) / size for name in case.names)
     if not worst <= ROUNDED_ULP * (1 + len(case.fit.lead)) or not is_settled(case.fit.before):
         return []
     evidence = f"all words come within {worst:.1f} ULP of the largest term: they are rounded otherwise"
     return [Suspect("rounding", evidence)]
+
+
+def _beyond(seen: REAL, one: REAL, other: REAL) -> float:
+    """By how much a word lies beyond both of two; 0 between them."""
+    low, high = sorted((float(one), float(other)))
+    return max(low - float(seen), float(seen) - high, 0.0) if seen == seen else inf
+
+
+def _largest(case: _Case, terms: Any) -> float:
+    """The largest number that is rounded on the way to MV, as large as it counts there.
+
+    D is a small difference of large numbers: their rounding counts Kd / Ts times, less what the filter takes off.
+    """
+    read = case.fit.inputs
+    parts = [abs(float(getattr(terms, name, 0.0))) for name in ("p", "i", "d", "bias", "raw")]
+    kd = float(gain(getattr(read, "td_kd", getattr(read, "kd", ZERO))))
+    if not kd > 0.0:
+        return max(parts)
+    kd *= float(gain(read.kc_kp)) if getattr(read, "pid_eq", False) else 1.0
+    ts = float(case.span(read, None))
+    span = ts
+    if hasattr(read, "tf") and case.loop.dialect.filter_content == FilterContent.INPUT:
+        parts.append(abs(float(case.fit.before.low.d)) * kd / ts)
+    elif hasattr(read, "tf"):
+        span += float(gain(read.tf))
+    return max(*parts, abs(float(terms.e)) * kd / span)
 
 
 def _two_axes(case: _Case) -> list[Suspect]:

@@ -32,7 +32,6 @@ from ahgateway.lockstep.shadow import (
     Explanation,
     Fit,
     Shadow,
-    advanced,
     changed_inputs,
     distance,
     explain,
@@ -45,6 +44,7 @@ from ahgateway.lockstep.shadow import (
 )
 from ahgateway.lockstep.suspects import Blame, Suspect, agreeing
 from ahgateway.lockstep.thinning import is_plain
+from ahgateway.lockstep.unseen import advanced
 
 LED_MAX = 6
 """Of runs longer than this no cause is sought: there are too many."""
@@ -101,19 +101,21 @@ def counted(
     every = [each for each in _counts(loop, shadow, before, after, most) if each.executions >= least]
     fitting = [each for each in every if each.found.fits]
     is_whole = most <= COUNT_MAX and all(each.before for each in every)
+    is_all_known = is_whole and is_known(loop, before, after)
     fresh = _fresh(loop, shadow, before, after)
     if len(fitting) == 1 and is_whole:
         only = fitting[0]
         execution, behind = judge(loop, only.before, before, after, 1, suspects if only.executions == 1 else ())
-        behind = behind if _is_pinned(only, before, after) else merged((*behind, *fresh))
+        behind = behind if is_all_known or _is_pinned(only, before, after) else merged((*behind, *fresh))
         return replace(execution, count=only.executions), behind
     if fitting:
         least_fit = fitting[0]
         execution, behind = judge(loop, least_fit.before, before, after, 1)
-        kept = merged((*(fit.after for each in fitting for fit in each.found.fits), *fresh))
+        other = () if is_all_known else fresh
+        kept = merged((*(fit.after for each in fitting for fit in each.found.fits), *other))
         reason = LAST_ONLY if execution.verdict is Verdict.MATCH else execution.reason
         return replace(execution, count=least_fit.executions, reason=reason), kept or fresh
-    if is_whole and (is_known(loop, before, after) or is_out_of_reach(loop, shadow, before, after, most)):
+    if is_all_known or (is_whole and is_out_of_reach(loop, shadow, before, after, most)):
         fits = led(loop, shadow, before, after, most)
         if fits:
             return _diverged(loop, fits, blame_any(loop, fits, before, after), before, after)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import isfinite
 
-from ahgateway.core.real import REAL, from_order, order, same_bits
+from ahgateway.core.real import REAL, bits, from_order, order, same_bits
 
 RATIO_MIN, RATIO_MAX = 0.2, 5.0
 """An operand that would have to be wrong by more than this explains nothing."""
@@ -22,7 +22,16 @@ RATIO_NEAR = 2e-5
 """A factor so near to 1 is rounding, unless the words come out by bits."""
 
 NEIGHBOURS = 48
-"""So many REALs on either side of the fitted value are tried by bits."""
+"""What so many REALs on either side of the fitted value leave must enclose each word, roundings apart."""
+
+HOLE_MAX = 8
+"""So many REALs in a row that miss by one ULP do not end a run."""
+
+HOLES_MAX = 8
+"""So many holes of a run are passed over, and no more."""
+
+REACH = 1 << 12
+"""So far from the fitted value, in REALs, a value is sought that leaves a word by bits."""
 
 NAMES = ("I_MV", "MV")
 
@@ -39,35 +48,103 @@ class Size:
     is_exact: bool
 
 
-def sized(words: Callable[[REAL], Words], seen: Words, held: float) -> Size | None:
+def sized(words: Callable[[REAL], Words], seen: Words, held: float, *, is_carried: bool = False) -> Size | None:
     """Solve for the value under which the law leaves what the PLC wrote; None when none does.
 
     Args:
         words: What the law leaves with this value.
         seen: What the PLC wrote.
         held: What the register holds, positive; the value is sought between a fifth and five times of it.
+        is_carried: D's filter holds what an estimate has left there, so that MV may be off by a last bit.
     """
     ratio = _ratio(words, seen, held)
     if ratio is None:
         return None
+    words = _remembering(words)
     start = order(REAL(held * ratio))
     edges = order(REAL(held * RATIO_MIN)), order(REAL(held * RATIO_MAX))
-
-    def is_hit(position: int) -> bool:
-        found = words(from_order(position))
-        return all(same_bits(found[name], seen[name]) for name in NAMES)
 
     def is_near(position: int) -> bool:
         found = words(from_order(position))
         return all(miss(found, seen, name) <= ULP_SLACK for name in NAMES)
 
-    for away in range(NEIGHBOURS + 1) if _is_enclosed(words, seen, start) else ():
-        hit = next((each for each in (start + away, start - away) if is_hit(each)), None)
-        if hit is not None:
-            return _size(hit, *_run(is_hit, hit, *edges), is_exact=True)
+    run = _hits(words, seen, start, edges, int(is_carried)) if _is_enclosed(words, seen, start) else None
+    if run is not None:
+        return _size(start, *run, is_exact=True)
     if abs(ratio - 1.0) < RATIO_NEAR or not is_near(start):
         return None
     return _size(start, *_run(is_near, start, *edges), is_exact=False)
+
+
+def _remembering(words: Callable[[REAL], Words]) -> Callable[[REAL], Words]:
+    """The same, each value asked once: both words are looked for around one place."""
+    known: dict[int, Words] = {}
+
+    def once(value: REAL) -> Words:
+        key = bits(value)
+        if key not in known:
+            known[key] = words(value)
+        return known[key]
+
+    return once
+
+
+def _hits(
+    words: Callable[[REAL], Words], seen: Words, start: int, edges: tuple[int, int], slack: int
+) -> tuple[int, int] | None:
+    """The run of positions that leave every word by bits; None when there is none near the start.
+
+    Each word follows the value one way, so that the run of each is found by itself.
+    """
+    hits = []
+    for name in NAMES:
+
+        def side(position: int, name: str = name) -> int:
+            found, wanted = words(from_order(position))[name], seen[name]
+            return 0 if same_bits(found, wanted) else (-1 if found < wanted else 1)
+
+        hits.append(_zero(side, start))
+        if hits[-1] is None:
+            return None
+    low, high = edges
+    for name, hit in zip(NAMES, hits, strict=True):
+        off = slack if name == "MV" else 0
+
+        def is_hit(position: int, name: str = name, off: int = off) -> bool:
+            return abs(order(words(from_order(position))[name]) - order(seen[name])) <= off
+
+        first, last = _run(is_hit, hit or start, *edges)
+        low, high = max(low, first), min(high, last)
+    middle = (low + high) // 2
+    for each in (middle, *(middle + sign * away for away in range(1, HOLE_MAX + 1) for sign in (1, -1))):
+        if low <= each <= high:
+            found = words(from_order(each))
+            if all(same_bits(found[name], seen[name]) for name in NAMES):
+                return low, high
+    return None
+
+
+def _zero(side: Callable[[int], int], start: int) -> int | None:
+    """A position near the start at which a monotone side is 0."""
+    here = side(start)
+    if here == 0:
+        return start
+    for there in (start - REACH, start + REACH):
+        beyond = side(there)
+        if beyond != here:
+            return _between(side, start, there, here) if beyond else there
+    return None
+
+
+def _between(side: Callable[[int], int], start: int, end: int, here: int) -> int | None:
+    """A position between two of unlike sides at which the side is 0."""
+    while abs(end - start) > 1:
+        middle = (start + end) // 2
+        found = side(middle)
+        if found == 0:
+            return middle
+        start, end = (middle, end) if found == here else (start, middle)
+    return None
 
 
 def _is_enclosed(words: Callable[[REAL], Words], seen: Words, start: int) -> bool:
@@ -113,6 +190,19 @@ def _run(holds: Callable[[int], bool], start: int, first: int, last: int) -> tup
 
 
 def _end(holds: Callable[[int], bool], start: int, sign: int, room: int) -> int:
+    """The last position that way; terms that move against each other leave holes of a few REALs in a run."""
+    end = start
+    for _ in range(HOLES_MAX):
+        end = _last(holds, end, sign, room - abs(end - start))
+        beyond = (end + sign * away for away in range(2, HOLE_MAX + 2))
+        further = next((each for each in beyond if abs(each - start) <= room and holds(each)), None)
+        if further is None:
+            break
+        end = further
+    return end
+
+
+def _last(holds: Callable[[int], bool], start: int, sign: int, room: int) -> int:
     good, stride = 0, 1
     while good + stride <= room and holds(start + sign * (good + stride)):
         good += stride

@@ -25,7 +25,7 @@ from ahgateway.lockstep.call_shadow import changed as changed_beside_calls
 from ahgateway.lockstep.calls import Calls
 from ahgateway.lockstep.counting import counted, explains
 from ahgateway.lockstep.events import Change, Finding, Lost
-from ahgateway.lockstep.inquiry import Inquiry
+from ahgateway.lockstep.inquiry import REPEATED_MIN, Inquiry
 from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import (
@@ -68,6 +68,8 @@ class Follower:
         self._expected = 0.0
         self._earliest_ns: int | None = None
         self._quiet_since_ns: int | None = None
+        self._moved_ns: int | None = None
+        self._moves = 0
         self._findings: set[str] = set()
 
     @property
@@ -157,7 +159,16 @@ class Follower:
         if explains(self.loop, self._shadow, before, after, max(1, self._executions_max(before, after))):
             return False
         # An integral that runs on in manual follows a PV that nothing shows: that is no write either.
-        return not without_pv(self.loop, self._shadow, input_variants(self.loop, before, after), after.seen)
+        if without_pv(self.loop, self._shadow, input_variants(self.loop, before, after), after.seen):
+            return False
+        return not self._keeps_moving(before, after)
+
+    def _keeps_moving(self, before: Picture, after: Picture) -> bool:
+        """Tell whether I_MV alone has moved so at several executions in a row: nobody's hand is that steady."""
+        last_ns, self._moved_ns = self._moved_ns, after.last_ns
+        apart = cycle_ns(self.loop, after) + self.loop.scan_ms_max * MILLISECOND
+        self._moves = self._moves + 1 if last_ns is not None and before.sent_ns <= last_ns + apart else 1
+        return self._moves >= REPEATED_MIN and is_executing(after)
 
     def _written(self, before: Picture, after: Picture, changed: set[str]) -> list[Event]:
         """Take over what was written; MOUT is an input and reported as such already.
@@ -190,7 +201,9 @@ class Follower:
         if is_at_changes(self.loop):
             # What changed no word made no picture, and whatever changes one ends the wait.
             most = 1
-            self._shadow = lingered(self.loop, self._shadow, before, before, self._silent_max(before, after))
+            silent = self._silent_max(before, after)
+            self._shadow = lingered(self.loop, self._shadow, before, before, silent)
+            self._inquiry.rests(before, before, silent)
         possible = max(1, least), max(1, most)
         execution, self._shadow = counted(self.loop, self._shadow, before, after, possible, self.suspects)
         execution = self._inquiry.hear(execution, before, after, possible[1])
@@ -213,6 +226,7 @@ class Follower:
         possible = self._executions_max(before, after)
         if self._shadow and possible and is_called(after):
             self._shadow = lingered(self.loop, self._shadow, before, after, possible)
+            self._inquiry.rests(before, after, possible)
         if not computes(self.loop, after) or self._quiet_since_ns is None:
             self._quiet_since_ns = after.last_ns
             return self._set(NO_EXECUTION, False)

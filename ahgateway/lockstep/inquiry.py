@@ -31,6 +31,7 @@ from ahgateway.lockstep.shadow import (
     input_variants,
     is_settled,
     judged_names,
+    lingered,
     merged,
     patched,
     recalled,
@@ -97,26 +98,36 @@ class Rival:
         self.explained = 1
         self.missed = 0
         self._shown = 1
+        self._was_blind = False
         self._ref = loop
         self._loop = suspect.twist(loop)
+        self._shadow = self._behind(blame, before, after, most)
+
+    def _behind(self, blame: Blame, before: Picture, after: Picture, most: int) -> Shadow:
+        """What its law can remember behind an execution, or several, that it was named for."""
         fit: Fit = blame.fit
         if most > 1:
-            self._shadow: Shadow = merged(
-                each.after for each in reproduced(self._loop, (fit.before,), before, after, most)
-            )
-            return
+            return merged(each.after for each in reproduced(self._loop, (fit.before,), before, after, most))
+        every = []
         for form in (0, *FORM_BITS.values()) if hasattr(fit.before.low, "form1") else (0,):
             start = Bound(*(end._replace(form1=end.form1 ^ form) if form else end for end in fit.before))
-            found = explain(self._loop, (start,), [fit.inputs], after.seen, judged_names(loop))
-            if found.fits:
-                break
-        nearest = found.fits[0] if found.fits else found.nearest
-        self._shadow = () if nearest is None else patched(self._loop, nearest, after.seen)
+            every.append(explain(self._loop, (start,), [fit.inputs], after.seen, judged_names(self._ref)))
+            if every[-1].fits:
+                return patched(self._loop, every[-1].fits[0], after.seen)
+        # A size that is not known to the last bit fits nowhere: then no form was misread.
+        return () if every[0].nearest is None else patched(self._loop, every[0].nearest, after.seen)
 
     @property
     def is_standing(self) -> bool:
         """True while it explains what it is shown."""
         return self._shown * SHARE_MIN <= self._shown - self.missed
+
+    def named_again(self, blame: Blame, before: Picture, after: Picture, most: int) -> None:
+        """An execution that it could not be held against, because it remembered nothing, is explained by it too."""
+        if self._was_blind:
+            self._shown += 1
+            self.explained += 1
+            self._shadow = self._behind(blame, before, after, most) or self._shadow
 
     @property
     def shadow(self) -> Shadow:
@@ -125,6 +136,7 @@ class Rival:
 
     def sees(self, before: Picture, after: Picture, *, has_diverged: bool, most: int = 1) -> None:
         """Hold it against the next execution, or against several, when there can have been `most`."""
+        self._was_blind = not self._shadow
         if most > 1:
             self._sees_several(before, after, has_diverged, most)
             return
@@ -163,6 +175,10 @@ class Rival:
         self._shown += 1
         self.missed += not is_it
         self.explained += is_it and has_diverged
+
+    def rests(self, before: Picture, after: Picture, most: int) -> None:
+        """Go on through up to `most` executions that changed no word: what is hidden may have moved."""
+        self._shadow = lingered(self._loop, self._shadow, before, after, most)
 
     def forget(self) -> None:
         """What it remembers is no longer known."""
@@ -226,6 +242,11 @@ class Inquiry:
         self.suspects = self._standing()
         return replace(execution, blame=replace(execution.blame, suspects=self._ordered(execution.blame.suspects)))
 
+    def rests(self, before: Picture, after: Picture, most: int) -> None:
+        """No word changed between two pictures, in which there can have been so many executions."""
+        for rival in self._rivals:
+            rival.rests(before, after, most)
+
     def forget(self) -> None:
         """Executions went by unseen: what the rivals remember is open."""
         for rival in self._rivals:
@@ -246,11 +267,13 @@ class Inquiry:
         self._rivals = [rival for rival in self._rivals if rival.is_standing]
 
     def _admit(self, blame: Blame, before: Picture, after: Picture, most: int) -> None:
-        known = {rival.suspect.key for rival in self._rivals}
+        known = {rival.suspect.key: rival for rival in self._rivals}
         for suspect in blame.suspects:
             self._seen[suspect.key] += 1
             self._named[suspect.key] = suspect
-            if suspect.twist is not None and suspect.key not in known and len(self._rivals) < RIVALS_MAX:
+            if suspect.key in known:
+                known[suspect.key].named_again(blame, before, after, most)
+            elif suspect.twist is not None and len(self._rivals) < RIVALS_MAX:
                 self._rivals.append(Rival(self._loop, suspect, blame, before, after, most))
 
     def _standing(self) -> tuple[Suspect, ...]:
@@ -291,8 +314,10 @@ class Inquiry:
         return (key[0] in ONCE or is_clock) and 2 * count >= self._diverged
 
     def _is_rounding(self, key: Key, laws: list[Rival]) -> bool:
-        """Tell whether last bits alone differ, so that a size this near to the register's is rounding too."""
-        near = all(abs(each.suspect.ratio - 1.0) < ROUNDING_RATIO and each.suspect.estimate for each in laws)
+        """Tell whether last bits alone differ: a law that misses some, or is nearly the reference's, is rounding."""
+        near = all(
+            each.missed or (abs(each.suspect.ratio - 1.0) < ROUNDING_RATIO and each.suspect.estimate) for each in laws
+        )
         return key[0] == "rounding" and near and self._seen[key] >= SHARE_MIN * self._diverged
 
     def _dated(self, suspect: Suspect) -> Suspect:

@@ -24,6 +24,7 @@ from ahgateway.lockstep.shadow import (
     Shadow,
     explain,
     input_variants,
+    is_missed_anyway,
     is_roughly_bounded,
     is_settled,
     judged_names,
@@ -123,7 +124,7 @@ def judge(
     if unrecorded:
         return Execution(Verdict.UNOBSERVABLE, reason=UNRECORDED_PV, inputs=after.inputs), unrecorded
     assert found.nearest is not None
-    if is_roughly_bounded(loop, found.nearest, after.seen):
+    if _is_rough(loop, shadow, variants, after, found.nearest):
         return Execution(Verdict.UNOBSERVABLE, reason=OPEN_STATE, inputs=after.inputs), _fresh(loop, before, after)
     proof = _proof(loop, found.nearest, names, after.seen)
     if proof is not None:
@@ -135,10 +136,19 @@ def judge(
         return Execution(Verdict.UNOBSERVABLE, reason=SEVERAL, inputs=after.inputs, count=executions_max), _fresh(
             loop, before, after
         )
-    blamed = _blamed(loop, _nearest(loop, shadow, variants, after, names), before, after, suspects)
+    blamed = _of_readings(loop, shadow, variants, before, after, suspects)
     nearest: Fit = blamed.fit
     execution = Execution(Verdict.DIVERGED, terms=nearest.terms, inputs=nearest.inputs, blame=blamed)
     return execution, (*patched(loop, nearest, after.seen), *_fresh(loop, before, after))
+
+
+def _is_rough(loop: Loop, shadow: Shadow, variants: list[Any], after: Picture, nearest: Fit) -> bool:
+    """Tell whether the miss says nothing because of what is open, unless every set of inputs misses a word anyway."""
+    if not is_roughly_bounded(loop, nearest, after.seen):
+        return False
+    names = judged_names(loop)
+    every = (explain(loop, shadow, [read], after.seen, names).nearest for read in variants)
+    return not all(each is not None and is_missed_anyway(loop, each, after.seen) for each in every)
 
 
 def _fresh(loop: Loop, before: Picture, after: Picture) -> Shadow:
@@ -152,26 +162,58 @@ def _blamed(loop: Loop, fits: list[Fit], before: Picture, after: Picture, suspec
         known = blame_any(loop, fits, before, after, suspects[:1])
         kept = agreeing(suspects[:1], known.suspects)
         if kept:
-            return replace(known, suspects=kept)
+            # Last bits that a law explains by chance are rounding, once it misses others.
+            rounding = (each for each in known.suspects if each.cause == "rounding" and each not in kept)
+            return replace(known, suspects=(*kept, *rounding))
     return blame_any(loop, fits, before, after)
 
 
-def _nearest(loop: Loop, shadow: Shadow, variants: list[Any], after: Picture, names: tuple[str, ...]) -> list[Fit]:
-    """Where it came closest, from each state that is known and with each set of inputs: there causes are tried.
+def _apart(shadow: Shadow) -> tuple[Shadow, Shadow]:
+    """What is settled, and what is still open."""
+    settled = tuple(bound for bound in shadow if is_settled(bound))
+    return settled, tuple(bound for bound in shadow if not is_settled(bound))
 
-    What is open would bend to any cause, and is taken only where nothing is known.
+
+def _of_readings(
+    loop: Loop, shadow: Shadow, variants: list[Any], before: Picture, after: Picture, suspects: tuple[Suspect, ...]
+) -> Blame:
+    """Blame the nearest reading; where that leads nowhere, another one, but only for what no size has to be fitted to.
+
+    What is open would bend to any size, and so would a reading that misses more words: a write that came in time for
+    the execution, or too late.
     """
-    known: list[Shadow] = [(bound,) for bound in shadow if is_settled(bound)]
-    starts = known[:KNOWN_MAX] or [shadow]
+    settled, still_open = _apart(shadow)
+    near, far = _nearest(loop, settled[:KNOWN_MAX] or still_open, variants, after)
+    blamed = _blamed(loop, near, before, after, suspects)
+    if blamed.cause != "unknown":
+        return blamed
+    others = [far]
+    if settled and still_open:
+        others.extend(_nearest(loop, still_open, variants, after))
+    for fits in others:
+        other = blame_any(loop, fits, before, after) if fits else blamed
+        exact = tuple(each for each in other.suspects if each.twist is not None and each.estimate is None)
+        if exact:
+            return replace(other, suspects=exact)
+    return blamed
+
+
+def _nearest(loop: Loop, shadow: Shadow, variants: list[Any], after: Picture) -> tuple[list[Fit], list[Fit]]:
+    """Where it came closest, from each state and with each set of inputs: likely readings, and those that miss more."""
+    names = judged_names(loop)
+    starts: list[Shadow] = [(bound,) for bound in shadow] if all(map(is_settled, shadow)) else [shadow]
     found = [explain(loop, start, [read], after.seen, names) for start in starts for read in variants]
     found.sort(key=lambda each: each.distance)
     # One that misses more words than the best is no likely reading.
     reach = found[0].distance + MISSED_WORD
-    near = [each.nearest for each in found if each.nearest is not None and each.distance < reach]
     # Orders of a write that come to the same, or one state from two bounds, are asked once.
-    return list({(state_key(fit.before.low), state_key(fit.inputs)): fit for fit in reversed(near)}.values())[
-        -KNOWN_MAX:
-    ][::-1]
+    once: dict[Any, tuple[Fit, bool]] = {}
+    for each in found:
+        if each.nearest is not None:
+            key = state_key(each.nearest.before.low), state_key(each.nearest.inputs)
+            once.setdefault(key, (each.nearest, each.distance < reach))
+    near, far = ([fit for fit, is_near in once.values() if is_near is wanted] for wanted in (True, False))
+    return near[:KNOWN_MAX], far[:KNOWN_MAX]
 
 
 def _same_fault(
@@ -183,11 +225,11 @@ def _same_fault(
     suspects: tuple[Suspect, ...],
 ) -> tuple[Execution, Fit] | None:
     """Behind a divergence what is hidden is open and would excuse anything; the same cause of the same size is none."""
-    settled = tuple(bound for bound in shadow if is_settled(bound))
+    settled, _ = _apart(shadow)
     found = explain(loop, settled, variants, after.seen, judged_names(loop))
     if found.fits or found.nearest is None:
         return None
-    fits = _nearest(loop, settled, variants, after, judged_names(loop))
+    fits, _ = _nearest(loop, settled[:KNOWN_MAX], variants, after)
     blamed = blame_any(loop, fits, before, after, suspects)
     kept = agreeing(suspects, blamed.suspects)
     if not kept:

@@ -140,6 +140,7 @@ def side(loop: Loop, inputs: Any, state: Any, seen: Mapping[str, REAL], ts: REAL
 
 
 def is_excluded(
+    loop: Loop,
     fit: Any,
     names: tuple[str, ...],
     low: Mapping[str, REAL],
@@ -149,7 +150,8 @@ def is_excluded(
 ) -> bool:
     """Tell whether a word that both ends predict alike rules out every content between: roundings apart for MV.
 
-    The integral is one where neither end is limited, MV is not at a limit, and it does not follow from D.
+    The integral is one where neither end is limited, MV is not at a limit, and it does not follow from D; else where
+    that can be shown of both ends, as of a transfer that takes MV for the integral.
     """
     is_set = bool(fit.terms.flags & (NOT_FREE | flag.FREEZE_HI | flag.FREEZE_LO))
     edges = (fit.inputs.mv_min, fit.inputs.mv_max)
@@ -160,6 +162,6 @@ def is_excluded(
         if name in ("MV", "MOUT"):
             if abs(float(low[name]) - float(seen[name])) > rough:
                 return True
-        elif name != "I_MV" or (is_inside and not is_set):
+        elif name != "I_MV" or (is_inside and not is_set) or is_same_between(loop, fit, ("I_MV",), low):
             return True
     return False

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from itertools import combinations
 from typing import Any, NamedTuple
 
@@ -31,9 +32,6 @@ from ahgateway.lockstep.picture import Picture, predicted
 
 BOUNDS_MAX = 48
 """More possibilities than this are no knowledge: the shadow starts again from the block."""
-
-ADVANCED_MAX = 512
-"""More states than this behind an unseen execution are not even sorted: where Ts is measured, each is its own."""
 
 SETTLED_ULP = 1 << 16
 """A bound this narrow is as good as one state when it comes to causes; a fresh one spans all REALs."""
@@ -282,7 +280,7 @@ def explain(
     for inputs in variants:
         by_interval: dict[int, set[tuple[int, ...]]] = {}
         fitting: list[Fit] = []
-        for bound in _split(loop, _passed_unseen(loop, inputs, shadow)):
+        for bound, is_part in _split(loop, _passed_unseen(loop, inputs, shadow)):
             for ts in intervals(loop, inputs, bound.low, seen.get("I_MV")):
                 after, low_terms, high_terms = stepped(loop, inputs, bound, ts)
                 low = predicted(loop.controller, after.low, low_terms)
@@ -303,44 +301,26 @@ def explain(
                         fitting.extend(_narrowed(loop, inputs, bound, seen, names, ts))
                 elif low_key == shown:
                     fitting.append(fit)
+                if is_part:
+                    continue
                 missed = 0 if low_key == shown else distance(names, low, seen)
                 if nearest is None or missed < nearest[0]:
                     nearest = (missed, fit)
         if fitting:
-            fits.extend(each for fit in fitting for each in _unrecorded(loop, fit))
+            fits.extend(each for fit in fitting for each in unrecorded(loop, fit))
             is_decided = is_decided or _is_told(by_interval, fitting)
     if nearest is None:
         return Explanation(tuple(fits), is_decided, None)
     return Explanation(tuple(fits), is_decided, nearest[1], nearest[0])
 
 
-def advanced(loop: Loop, shadow: Shadow, inputs: Any) -> Shadow:
-    """Return what the shadow can be behind one more execution of which nothing was seen; () when that is anything.
-
-    A bound that is limited in one way at its low end and in another at its high end encloses nothing.
-    """
-    found: list[Bound] = []
+def _split(loop: Loop, shadow: Shadow) -> Iterator[tuple[Bound, bool]]:
+    """The bounds, and by itself, as a part, a filter of the input that holds 0: it begins with what it meets."""
     for bound in shadow:
-        for ts in intervals(loop, inputs):
-            after, low_terms, high_terms = stepped(loop, inputs, bound, ts)
-            if low_terms.flags != high_terms.flags:
-                return ()
-            # MV is not seen either, and nothing reads it again but a transfer, of which `counted` claims nothing.
-            after = Bound(after.low, after.high._replace(mv=after.low.mv))
-            fit = Fit(inputs, bound, after, low_terms, open_terms(low_terms, high_terms), ts)
-            found.extend(each.after for each in _unrecorded(loop, fit))
-        if len(found) > ADVANCED_MAX:
-            return ()
-    return merged(found)
-
-
-def _split(loop: Loop, shadow: Shadow) -> Iterator[Bound]:
-    """The bounds, and by itself a filter of the input that holds 0: it begins with what it meets."""
-    for bound in shadow:
-        yield bound
+        yield bound, False
         if not bound.is_point and loop.dialect.filter_content == FilterContent.INPUT and bound.low.d < 0 < bound.high.d:
             empty = bound.low._replace(d=REAL(0))
-            yield Bound(empty, empty)
+            yield Bound(empty, empty), True
 
 
 def _passed_unseen(loop: Loop, inputs: Any, shadow: Shadow) -> Shadow:
@@ -363,7 +343,7 @@ def hides_pv(loop: Loop, inputs: Any) -> bool:
     return bool(loop.dialect.manual_history)
 
 
-def _unrecorded(loop: Loop, fit: Fit) -> list[Fit]:
+def unrecorded(loop: Loop, fit: Fit) -> list[Fit]:
     """Open what follows from a PV that the execution did not record: D's filter and the cross status of DPIDE."""
     low, high = fit.after
     if not hasattr(low, "cross") or not hides_pv(loop, fit.inputs):
@@ -429,6 +409,7 @@ def _narrowed(
         return []
     is_rough = attr == "d" and loose.is_loose(loop)
 
+    @cache
     def side(position: int) -> int:
         if is_rough:
             # A filter that holds 0 begins anew and is no part of any order; `_split` has it apart.
@@ -439,8 +420,8 @@ def _narrowed(
 
     low, high = sorted((order(getattr(bound.low, attr)), order(getattr(bound.high, attr))))
     sign = -1 if side(low) > side(high) else 1
-    first = _first(low, high, lambda position: sign * side(position) >= 0)
-    last = _first(low, high, lambda position: sign * side(position) > 0) - 1
+    first = first_for(low, high, lambda position: sign * side(position) >= 0)
+    last = first_for(low, high, lambda position: sign * side(position) > 0) - 1
     if first > last:
         return []
     part = Bound(bound.low._replace(**{attr: from_order(first)}), bound.low._replace(**{attr: from_order(last)}))
@@ -468,7 +449,7 @@ def _loosely(
             return set(), [fit] if same_words(names, low, seen) else []
         # Too many to try: there may be others between, so that nothing is decided.
         rough = loose.roughness(loop, fit.inputs, fit.ts, fit.before.low, fit.after.low, fit.terms)
-        if loose.is_excluded(fit, names, low, high, seen, rough):
+        if loose.is_excluded(loop, fit, names, low, high, seen, rough):
             return {()}, []
         return {()}, _narrowed(loop, fit.inputs, fit.before, seen, names, fit.ts)
     found, predictions = [], set()
@@ -493,7 +474,7 @@ def _joined(fits: list[Fit]) -> list[Fit]:
     return [Fit(fits[0].inputs, before, after, fits[0].terms, open_ones, fits[0].ts)]
 
 
-def _first(low: int, high: int, holds: Callable[[int], bool]) -> int:
+def first_for(low: int, high: int, holds: Callable[[int], bool]) -> int:
     """Smallest position in low…high for which a monotone condition holds; high + 1 when it never does."""
     while low <= high:
         middle = (low + high) // 2
@@ -589,6 +570,20 @@ def is_roughly_bounded(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
         return True
     is_at_limit |= bool(fit.terms.flags & (flag.FREEZE_HI | flag.FREEZE_LO))
     return is_at_limit and loop.dialect.freeze == Freeze.BACK_CALCULATED
+
+
+def is_missed_anyway(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
+    """Tell whether a word is missed with every content of D's filter alike."""
+    if open_attr(fit.before) != "d" or fit.ts is None:
+        return False
+    after, low_terms, high_terms = stepped(loop, fit.inputs, fit.before, fit.ts)
+    low, high = predicted(loop.controller, after.low, low_terms), predicted(loop.controller, after.high, high_terms)
+    return any(
+        same_bits(low[name], high[name])
+        and not same_bits(low[name], seen[name])
+        and loose.is_same_between(loop, fit, (name,), low)
+        for name in judged_names(loop)
+    )
 
 
 def patched(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> Shadow:

@@ -14,6 +14,7 @@ from typing import Any
 from dialects import random_dialect
 from lockstep.bench_world import World
 from lockstep.dialect_traces import suited
+from lockstep.inseparable import is_possible, leaves_the_same
 from lockstep.ways_world import ground
 
 from ahgateway.codec.ways import Way
@@ -22,6 +23,7 @@ from ahgateway.core.dialect import Dialect
 from ahgateway.core.real import REAL, bits, quiet
 from ahgateway.fake.faults import FAULTS
 from ahgateway.fake.plc import FakePlc
+from ahgateway.fake.program import Execution
 from ahgateway.lockstep.cause_classes import class_of
 from ahgateway.lockstep.picture import predicted
 from ahgateway.lockstep.suspects import Suspect
@@ -84,6 +86,9 @@ class Trial:
         convicted: Executions that diverged.
         false: Executions that diverged before the fault.
         suspects: What the loop is suspected of in the end.
+        is_right: The likeliest cause is true of the fault, within its class.
+        is_tied: It is not, but a true one stands beside it, and both leave every bit of the PLC's own log.
+        is_excused: Nothing was convicted, and enumeration finds that the right law can have left every picture.
     """
 
     changed: int
@@ -91,6 +96,9 @@ class Trial:
     convicted: int
     false: int
     suspects: tuple[Suspect, ...]
+    is_right: bool
+    is_tied: bool
+    is_excused: bool
 
 
 def label(suspect: Suspect) -> str:
@@ -99,10 +107,10 @@ def label(suspect: Suspect) -> str:
     return f"{cause} {suspect.operand or suspect.setting.partition(' = ')[0]}".strip()
 
 
-def is_right(name: str, suspects: tuple[Suspect, ...]) -> bool:
-    """Tell whether the likeliest cause is true of the fault, within its class."""
+def _true_ones(name: str, suspects: tuple[Suspect, ...]) -> list[Suspect]:
+    """Those of the suspects that are true of the fault, within their class."""
     allowed = {member for truth in TRUTH[name] for member in class_of(truth)}
-    return bool(suspects) and label(suspects[0]) in allowed
+    return [suspect for suspect in suspects if label(suspect) in allowed]
 
 
 async def warm(law: str, dialect: int, seed: int, way: Way = Way.POLLED) -> World:
@@ -121,7 +129,7 @@ async def warm(law: str, dialect: int, seed: int, way: Way = Way.POLLED) -> Worl
     for poll in range(WELL // looks):
         if poll == WELL // looks // 2:
             world.plc.write("L1", "SV", 48.0)
-        await world.poll()
+        await _look(world)
     return world
 
 
@@ -136,24 +144,44 @@ async def go_wrong(world: World, name: str) -> Trial:
     for poll, operand, value in STIR.get(name, [(10, "SV", 55.0), (120, "SV", 47.0)]):
         stir[max(poll // looks, max(stir, default=-1) + 1)] = (operand, value)
     first, stood, diverged = "", 0, false
-    looks_seen = set()
+    begun = len(world.looks)
     for poll in range(WRONG // looks):
         if poll in stir:
             # At any moment between two looks, as operators do.
             moment = world.plc.now_ns + chance.randrange(world.poll_ns)
             world.plc.at(moment, partial(_write, *stir[poll]))
-        await world.poll()
-        looks_seen.add(_words(world.follower.picture.seen))  # type: ignore[union-attr]
+        await _look(world)
         if world.follower.counts.diverged > diverged:
             now = label(world.follower.suspects[0])
             stood = stood + 1 if now == first else 1
             first, diverged = now, world.follower.counts.diverged
         if stood >= STOOD:
             break
-    wrong = _wrong(world, world.plc.executed("L1") - before)
+    log = list(world.plc.log("L1"))[before - world.plc.executed("L1") :]
+    wrong = _wrong(world, log)
+    looks_seen = {_words(look.seen) for look in world.looks[begun:]}
     seen = [words for words, is_new in wrong if world.loop.way is not Way.POLLED or (is_new and words in looks_seen)]
     convicted = world.follower.counts.diverged - false
-    return Trial(len(wrong), len(seen), convicted, false, world.follower.suspects)
+    suspects = world.follower.suspects
+    true_ones = _true_ones(name, suspects)
+    is_right = bool(true_ones) and true_ones[0] is suspects[0]
+    rivals = (suspects[0], true_ones[0]) if true_ones and not is_right else ()
+    return Trial(
+        len(wrong),
+        len(seen),
+        convicted,
+        false,
+        suspects,
+        is_right,
+        bool(rivals) and all(leaves_the_same(world.loop, each, log) for each in rivals),
+        bool(seen) and not convicted and world.loop.way is Way.POLLED and is_possible(world, world.looks),
+    )
+
+
+async def _look(world: World) -> None:
+    await world.poll()
+    assert world.follower.picture is not None
+    world.looks.append(world.follower.picture)
 
 
 async def tried(name: str, law: str, dialect: int, seed: int, way: Way = Way.POLLED) -> Trial:
@@ -178,10 +206,10 @@ def looks_of(world: World) -> int:
     return 1 if world.loop.way is Way.POLLED and world.poll_ns < 100_000_000 else LOOKS
 
 
-def _wrong(world: World, executions: int) -> list[tuple[Words, bool]]:
-    """Of the last so many executions, those whose words the right law does not leave; and whether they changed any."""
+def _wrong(world: World, log: list[Execution]) -> list[tuple[Words, bool]]:
+    """Of these executions, those whose words the right law does not leave; and whether they changed any."""
     law, found, last = world.loop.controller, [], None
-    for entry in list(world.plc.log("L1"))[-executions:]:
+    for entry in log:
         with quiet(all="ignore"):
             state, terms = law.step(entry.inputs, entry.before, world.loop.dialect, entry.ts)
         words = _words(predicted(law, entry.state, entry.terms))

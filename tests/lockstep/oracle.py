@@ -100,6 +100,32 @@ class Oracle:
         self.states = behind
         return "PROVEN" if len(counts) == 1 and is_unanimous else "OPEN"
 
+    def follows(self, before: Picture, after: Picture, most: int) -> bool:
+        """Keep the states to which up to `most` executions can have led, none included, from one picture to the next.
+
+        Returns:
+            False when none of them leaves the words of the second picture.
+        """
+        names = [word.name for word in self.loop.controller.seen]
+        seen = [bits(after.seen[name]) for name in names]
+        pv = next(after.seen[word.name] for word in self.loop.controller.seen if word.attr == "pv1")
+        early, late = (inputs._replace(pv=pv) for inputs in (before.inputs, after.inputs))
+        is_still = seen == [bits(before.seen[name]) for name in names]
+        behind = set(self.states) if is_still else set()
+        orders = [(early,), (late,)] if early != late else [(late,)]
+        reached = {(reads[0] is late, *self._step(reads[0], state)) for reads in orders for state in self.states}
+        for _ in range(most):
+            for _, state, terms in reached:
+                if seen == [bits(word.value(state, terms)) for word in self.loop.controller.seen]:
+                    behind.add(state)
+            reached = {
+                (is_late or read is late, *self._step(read, state))
+                for is_late, state, _ in reached
+                for read in ((late,) if is_late else (early, late))
+            }
+        self.states = behind
+        return bool(behind)
+
     def rest(self, picture: Picture) -> None:
         """Add what executions that change no word can have left hidden behind a picture."""
         seen = {word.name: bits(picture.seen[word.name]) for word in self.loop.controller.seen}

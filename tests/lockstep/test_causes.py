@@ -7,10 +7,12 @@ from typing import Any
 
 import pytest
 from lockstep.bench_world import World
-from lockstep.ways_world import ground
+from lockstep.fault_catalogue import tried, warm
+from lockstep.ways_world import STILL, ground
 
 from ahgateway.clock import MILLISECOND
 from ahgateway.codec.ways import Way
+from ahgateway.codec.words import real_words
 from ahgateway.core.dialect import DEFAULT, SumOrder, TsSource
 from ahgateway.core.real import REAL
 from ahgateway.core.repro import differences, load
@@ -269,3 +271,54 @@ async def test_a_size_that_was_coarse_at_first_is_held_to_what_follows() -> None
 
     assert world.follower.counts.diverged > 10
     assert ("gain", "Kc_Kp") == (first(world).cause, first(world).operand)
+
+
+@pytest.mark.parametrize(("cycles_apart", "is_convicted"), [(1, True), (3, False)])
+async def test_an_integral_alone_that_moves_at_each_execution_is_nobodys_hand(
+    cycles_apart: int, is_convicted: bool
+) -> None:
+    still = ground(Way.POLLED, "DPIDE", {**PID, "PID_MAN": True, "MOUT": 40.0}, seed=4, plant=STILL)
+    await still.follow(40)
+    table = still.station.devices.ranges[0].table
+    place = still.loop.bindings["I_MV"].index  # type: ignore[union-attr]
+    for number in range(6):
+        still.plc.memory.write(table, place, real_words(REAL(11.0 + number)))
+        await still.follow(4 * cycles_apart)
+
+    assert is_convicted == bool(still.follower.counts.diverged)
+
+
+@pytest.mark.parametrize(
+    ("name", "law", "dialect", "seed", "way"),
+    [
+        ("no-bumpless", "DPIDE", 10, 0, Way.RECORDED),  # the integral gives it away, whatever D holds
+        ("no-bumpless", "DPID", 26, 0, Way.STEPPED),  # another moment of the write is the right reading
+        ("filter-ignored", "DPIDE", 6, 0, Way.COUNTED),  # D stays known while PV stands still
+        ("windup", "DPID", 15, 0, Way.COUNTED),  # only I_MV moves at the limit
+        ("direction-reversed", "DPIDE", 1, 1, Way.COUNTED),  # D goes on while no word changes
+        ("wrong-ts", "DPIDE", 18, 1, Way.RECORDED),  # a size that no REAL near it fits in both words at once
+        ("truncation", "DPIDE", 10, 1, Way.RECORDED),  # D is a small difference of large numbers
+        ("binary64-inside", "DPID", 22, 2, Way.RECORDED),  # another order of the sum explains most of it by chance
+    ],
+)
+async def test_a_fault_is_convicted_of_its_cause(name: str, law: str, dialect: int, seed: int, way: Way) -> None:
+    trial = await tried(name, law, dialect, seed, way)
+
+    assert 0 == trial.false
+    assert trial.convicted
+    assert trial.is_right, trial.suspects[:3]
+
+
+async def test_two_causes_that_leave_the_same_bits_all_through_a_run_both_stand() -> None:
+    """D acts on a PV that stands still: Ki and Ts show as their product alone."""
+    trial = await tried("ki-1-percent", "DPID", 9, 0, Way.COUNTED)
+
+    assert trial.is_tied
+    assert {("gain", "Ki"), ("cycle", "CYCLE")} == {suspect.key[:2] for suspect in trial.suspects[:2]}
+
+
+async def test_no_limit_that_a_hidden_d_might_have_reached_holds_the_integral() -> None:
+    world = await warm("DPIDE", 19, 1, Way.COUNTED)
+
+    assert 0 == world.follower.counts.diverged
+    assert world.follower.counts.proven > 10

@@ -1,0 +1,77 @@
+"""What executions that nobody saw can have left behind: the shadow goes on, and keeps all that is possible.
+
+This file alone advances a shadow without a picture; `counting` asks it for the executions between two of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from ahgateway.codec.station import Loop
+from ahgateway.core.dialect import Freeze
+from ahgateway.core.real import REAL, from_order, order, quiet
+from ahgateway.lockstep import loose
+from ahgateway.lockstep.interval import intervals
+from ahgateway.lockstep.shadow import Bound, Fit, Shadow, first_for, merged, open_attr, open_terms, stepped, unrecorded
+
+ADVANCED_MAX = 512
+"""More states than this behind an unseen execution are not even sorted: where Ts is measured, each is its own."""
+
+
+def advanced(loop: Loop, shadow: Shadow, inputs: Any) -> Shadow:
+    """Return what the shadow can be behind one more execution of which nothing was seen; () when that is anything.
+
+    A bound that is limited in one way at its low end and in another at its high end encloses nothing: it is cut.
+    """
+    found: list[Bound] = []
+    for bound in shadow:
+        for ts in intervals(loop, inputs):
+            parts = _alike(loop, inputs, bound, ts)
+            if not parts:
+                return ()
+            for part in parts:
+                after, low_terms, high_terms = stepped(loop, inputs, part, ts)
+                # MV is not seen either. What reads it again is a transfer, of which `counted` claims nothing, and a
+                # limit that was reached, which is the same all through this part.
+                after = Bound(after.low, after.high._replace(mv=after.low.mv))
+                fit = Fit(inputs, part, after, low_terms, open_terms(low_terms, high_terms), ts)
+                found.extend(each.after for each in unrecorded(loop, fit))
+        if len(found) > ADVANCED_MAX:
+            return ()
+    return merged(found)
+
+
+def _alike(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> list[Bound]:
+    """Cut a bound into parts that are limited alike at both ends, and so all through; [] where rounding hides where."""
+    attr = open_attr(bound)
+
+    def kind(position: int) -> tuple[Any, ...]:
+        state = bound.low if attr is None else bound.low._replace(**{attr: from_order(position)})
+        with quiet(all="ignore"):
+            after, terms = loop.controller.step(inputs, state, loop.dialect, ts)
+        if loop.dialect.freeze != Freeze.PREVIOUS_MV:
+            return (terms.flags,)
+        sides = (side for edge in (inputs.mv_min, inputs.mv_max) for side in (after.mv > edge, after.mv < edge))
+        return terms.flags, *sides
+
+    if attr is None:
+        return [bound]
+    start, last = sorted((order(getattr(bound.low, attr)), order(getattr(bound.high, attr))))
+    if kind(start) == kind(last):
+        return [bound]
+    if attr == "d" and loose.is_loose(loop):
+        return []
+    found, end_kind = [], kind(last)
+    while start <= last:
+        same = kind(start)
+        end = last if same == end_kind else first_for(start, last, partial(_differs, kind, same)) - 1
+        low, high = (bound.low._replace(**{attr: from_order(each)}) for each in (start, end))
+        found.append(Bound(low, high))
+        start = end + 1
+    return found
+
+
+def _differs(kind: Callable[[int], tuple[Any, ...]], same: tuple[Any, ...], position: int) -> bool:
+    return kind(position) != same
