@@ -39,6 +39,9 @@ FEW = 8
 MANY = 256
 """More ticks than this that may all be true are not followed: they leave a filter open, or a limit hides which."""
 
+CONTENTS = 256
+"""More contents of a filter than this are not followed where the interval is measured: each tick makes another."""
+
 NEVER = 2
 ZERO = REAL(0)
 ONE = REAL(1)
@@ -294,6 +297,8 @@ def advanced(
                 return kept
             if kept > before and not remembers_ts(operands):
                 break
+        if per_second and kept > CONTENTS:
+            return -1
     return kept
 
 

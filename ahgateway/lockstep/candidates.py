@@ -172,7 +172,8 @@ def _opened(loop: Loop, group: list[C], only: Collection[str]) -> list[C]:
     """The same for candidates that left the same."""
     if len(group) < 2:
         return group
-    names = sorted({name for each in group for name in each.fixed}, reverse=True)
+    first = group[0].fixed.items()
+    names = sorted({name for each in group for name, _ in each.fixed.items() ^ first}, reverse=True)
     left = {tuple([each.fixed.get(name) for name in names]): each for each in group}
     for at, name in enumerate(names):
         if only and name not in only:
@@ -308,15 +309,15 @@ class Carrier:
         is_open = left.rows[:kept, AXIS_COUNT:FIRST_ASKED]
         asked = [at for at in np.flatnonzero((is_open == 0).any(axis=0)).tolist() if AXIS_NAMES[at] not in one.fixed]
         whys, ends, rows = left.why[:kept].tolist(), left.ends[:kept].tolist(), left.rows[:kept].tolist()
-        passed = replace(one, at=one.at + 1, explained=one.explained + 1)
-        passed.informative += self._informed[passed.at] - self._informed[one.at]
-        lost = _waiting(one, min(2 * one.wait, WAIT_MAX), stop)
+        informative = one.informative + self._informed[one.at + 1] - self._informed[one.at]
         for why, row, end in zip(whys, rows, ends, strict=True):
-            each = replace(lost if why == sift.LOST else passed, fixed=dict(one.fixed))
-            each.fixed.update({AXIS_NAMES[at]: row[at] for at in asked if not row[AXIS_COUNT + at]})
-            if why != sift.LOST:
-                each.low, each.high = left.low[begin:end].copy(), left.high[begin:end].copy()
-            found.append(each)
+            fixed = one.fixed | {AXIS_NAMES[at]: row[at] for at in asked if not row[AXIS_COUNT + at]}
+            if why == sift.LOST:
+                found.append(replace(_waiting(one, min(2 * one.wait, WAIT_MAX), stop), fixed=fixed))
+            else:
+                low, high = left.low[begin:end].copy(), left.high[begin:end].copy()
+                known = one.explained + 1, informative, one.wait, one.asked_at, one.pace
+                found.append(Candidate(fixed, one.at + 1, low, high, *known))
             begin = end
         return found
 
