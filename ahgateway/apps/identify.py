@@ -59,7 +59,7 @@ class Learned:
         """PASS when a dialect is named, DIFFERENT when none fits, INCONCLUSIVE when the trace decides nothing."""
         if self.found.unexplained is not None:
             return Exit.DIFFERENT
-        return Exit.PASS if self.found.is_named and not self.found.is_crowded else Exit.INCONCLUSIVE
+        return Exit.PASS if self.found.is_named else Exit.INCONCLUSIVE
 
     def decided(self) -> dict[str, str]:
         """Axes of this instruction that are decided, as a profile spells them."""
@@ -71,6 +71,15 @@ class Learned:
         if any(each.quantity == "PV" for each in self.words):
             found["pv_word"] = self._spelled("pv_word", self.loop.dialect.pv_word)
         return found
+
+    def left(self) -> dict[str, tuple[str, ...]]:
+        """Values of this instruction's axes that nothing has excluded, as a profile spells them."""
+        names = {axis.name for axis in axes_of(self.loop.controller.name)}
+        return {
+            name: tuple(self._spelled(name, value) for value in values)
+            for name, values in self.found.values.items()
+            if name in names and name != "pv_word"
+        }
 
     def closest(self) -> dict[str, str]:
         """Axes of the dialect that came closest where none fits, those that differ from the default."""
@@ -128,7 +137,7 @@ def _learned(loop: Loop, pictures: list[Picture]) -> Learned:
 
 def _narrowed(loop: Loop, found: Identification, pictures: list[Picture]) -> Identification:
     """What is left when the times of the pictures have spoken too, and the executions behind a standstill."""
-    if not found.is_named or found.is_crowded:
+    if not found.is_named:
         return found
     gone = moments.fallen(loop, pictures) | written_back.fallen(loop, pictures)
     gone |= restarts.fallen(loop, pictures, found.survivors, found.values["first_history"])

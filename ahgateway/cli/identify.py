@@ -250,6 +250,7 @@ def _save(path: Path, results: list[Learned], firmware: str) -> None:
     date = _date(WallClock().utc_ns())
     for each in results:
         if not each.found.is_named:
+            typer.echo(f"{path}: dialect of {each.loop.name} not written, none is named", err=True)
             continue
         evidence: dict[str, str | int] = {
             "by": "ahgateway identify",
@@ -257,8 +258,9 @@ def _save(path: Path, results: list[Learned], firmware: str) -> None:
             "executions": each.found.executions,
             "firmware": firmware,
         }
-        text = with_dialect(text, str(path), each.loop.name, each.decided(), evidence)
-        typer.echo(f"{path}: dialect of {each.loop.name} written", err=True)
+        text, notes = with_dialect(text, str(path), each.loop.name, each.decided(), each.left(), evidence)
+        for note in (f"dialect of {each.loop.name} written, {len(each.decided())} axes decided", *notes):
+            typer.echo(f"{path}: {note}", err=True)
     path.write_text(text, encoding="utf-8")
 
 

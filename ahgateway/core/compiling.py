@@ -38,8 +38,11 @@ def ask(dialect: Any, place: int) -> Any:
 
 def asked_row(fixed: Mapping[str, int]) -> list[int]:
     """Return a dialect to ask: each axis's value, then whether it is open, then the first open one that was read."""
-    values = [int(fixed.get(name, 0)) for name in Dialect._fields]
-    return [*values, *(int(name not in fixed) for name in Dialect._fields), -1]
+    row = [*[0] * AXIS_COUNT, *[1] * AXIS_COUNT, -1]
+    for name, value in fixed.items():
+        place = _PLACES[name]
+        row[place], row[AXIS_COUNT + place] = int(value), 0
+    return row
 
 
 def njit(*, is_inner: bool = False) -> Any:

@@ -1,9 +1,10 @@
 """Carry everything that a controller can remember along a trace, in one partial dialect, until an execution says more.
 
 What can be remembered is a set of elements: each is a lowest and a highest state that differ at most in the content of
-D's filter. An execution keeps of each element what reproduces its words. The walk stops where an open axis is read,
-where no element is left, and where an element cannot be followed by bits; the caller goes on from there. This file
-decides what is consistent with what was seen; it does not know dialects to try, nor where a trace comes from.
+D's filter. An execution keeps of each element what reproduces its words. The walk stops where no element is left, and
+where one cannot be followed by bits; where an open axis is read, that execution is run with each of its values, and
+with those of every axis that these ask in turn. The caller goes on from there. This file decides what is consistent
+with what was seen; it does not know where dialects or a trace come from.
 
 Theory of operation: the law is monotone in the content, each operation rounding monotonically, so that the two ends
 enclose all between, and bisection cuts off what does not reproduce the words. Filters that rounding keeps from being
@@ -14,12 +15,12 @@ the clock down, by bisection too. The walk is compiled with the law, or interpre
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from ahgateway.core import flags as flag
-from ahgateway.core.compiling import FIRST_ASKED, Maker, keep, njit
+from ahgateway.core.compiling import AXIS_COUNT, FIRST_ASKED, Maker, keep, njit
 from ahgateway.core.controllers import Controller
 from ahgateway.core.controllers.delta_terms import is_rough, ticks_per_second
 from ahgateway.core.operands import Kind
@@ -38,6 +39,9 @@ FEW = 8
 MANY = 256
 """More ticks than this that may all be true are not followed: they leave a filter open, or a limit hides which."""
 
+CONTENTS = 256
+"""More contents of a filter than this are not followed where the interval is measured: each tick makes another."""
+
 NEVER = 2
 ZERO = REAL(0)
 ONE = REAL(1)
@@ -47,6 +51,7 @@ step: Any = None
 law_ts: Any = None
 nominal_ts: Any = None
 read: Any = None
+taken: Any = None
 unpacked: Any = None
 pack: Any = None
 words: Any = None
@@ -58,11 +63,162 @@ cross_at: Any = -1
 i_at: Any = 0
 
 
+class Room(NamedTuple):
+    """Where a walk works: as many rows as there can be elements, lowest and highest states, a field a column.
+
+    Attributes:
+        stack: Dialects to run, as `asked_row` makes them, a row each.
+        low: Lowest state of each element to begin with.
+        high: Highest state of each.
+        own_low: Room for one dialect's own.
+        own_high: The same.
+        next_low: Room for what they become.
+        next_high: The same.
+    """
+
+    stack: Any
+    low: Any
+    high: Any
+    own_low: Any
+    own_high: Any
+    next_low: Any
+    next_high: Any
+
+
+class Left(NamedTuple):
+    """What an execution that asks leaves, a row for each dialect that came through it.
+
+    Attributes:
+        rows: The dialects.
+        why: DONE, or LOST where nothing can be followed.
+        ends: Where each one's elements end in `low` and `high`.
+        low: Lowest states of all of them, one dialect after the other.
+        high: Highest states.
+        fell: Dialects that fell there, as many as there is room for.
+    """
+
+    rows: Any
+    why: Any
+    ends: Any
+    low: Any
+    high: Any
+    fell: Any
+
+
+STACK = 1024
+"""Room for dialects on the stack: one for each value of each axis that one execution can ask, and more."""
+
+
+def room_for(elements: int, fields: int, fallen: int) -> tuple[Room, Left]:
+    """Make room for so many elements of states with so many fields, and for so many dialects that fell."""
+    width = FIRST_ASKED + 1
+    pairs = [np.zeros((elements, fields)) for _ in range(6)]
+    many = [np.zeros((2 * elements, fields)) for _ in range(2)]
+    whole = [np.zeros((length, width), np.int64) for length in (STACK, STACK, fallen)]
+    return Room(whole[0], *pairs), Left(whole[1], *(np.zeros(STACK, np.int64) for _ in range(2)), *many, whole[2])
+
+
 def sift(
     first: int,
     stop: int,
     starts: Any,
-    columns: Any,
+    rows: Any,
+    seen: Any,
+    judged: Any,
+    scan_ms: int,
+    values: Any,
+    twin: Any,
+    room: Any,
+    left: Any,
+    count: int,
+    depth: int,
+) -> Any:
+    """Walk from one execution to another; where an open axis is asked, run that execution with each of its values.
+
+    Equal arguments give equal bits, compiled or not.
+
+    Args:
+        first: Execution to begin with; the elements are those before it.
+        stop: Execution before which to end.
+        starts: Where each execution's sets of inputs begin in `rows`, one more than there are executions.
+        rows: A row for each set of inputs that an execution can have read, an input a column, in binary64.
+        seen: PV of the last execution, I_MV, MV and MOUT behind each execution, n by 4.
+        judged: Which of the four stand in the PLC's memory.
+        scan_ms: Longest scan, which bounds a measured interval.
+        values: The values of each axis, a row each, filled up with -1.
+        twin: Axis, value, other axis, other value: that value is not tried where the other axis has that one.
+        room: `Room` with the elements before `first`, and the dialect to ask at the bottom of its stack.
+        left: `Left`, which takes what an execution that asks leaves.
+        count: How many elements there are.
+        depth: How many dialects stand on the stack: 1, or more to go on where `left` was full.
+
+    Returns:
+        The execution at which it stopped, why, how many elements there are before it in `room`, how many dialects are
+        still on the stack, how many came through an execution that asks and how many fell there, and how many steps
+        the law was walked.
+    """
+    if depth == 1:
+        at, why, low, high, count = followed(
+            first, stop, starts, rows, seen, judged, scan_ms, taken(room.stack, 0), room.low, room.high, count,
+            room.next_low, room.next_high,
+        )  # fmt: skip
+        steps = (at - first + 1) * max(1, count)
+        if low is not room.low:
+            room.low[:count] = low[:count]
+            room.high[:count] = high[:count]
+        if why != ASKED:
+            return at, why, count, 0, 0, 0, steps
+        room.stack[0, FIRST_ASKED] = -1
+    else:
+        at, steps = first, 0
+    kept, fell, used = 0, 0, 0
+    while depth > 0 and kept < len(left.why) and used + len(room.low) <= len(left.low):
+        depth -= 1
+        dialect = taken(room.stack, depth)
+        room.own_low[:count] = room.low[:count]
+        room.own_high[:count] = room.high[:count]
+        _, why, low, high, many = followed(
+            at, at + 1, starts, rows, seen, judged, scan_ms, dialect, room.own_low, room.own_high, count,
+            room.next_low, room.next_high,
+        )  # fmt: skip
+        steps += max(1, count)
+        if why == ASKED:
+            depth = spread(room.stack, depth, dialect[FIRST_ASKED], values, twin)
+        elif why == FELL:
+            if fell < len(left.fell):
+                left.fell[fell] = room.stack[depth]
+                fell += 1
+        else:
+            many = many if why == DONE else 0
+            left.rows[kept] = room.stack[depth]
+            left.why[kept] = why
+            left.low[used : used + many] = low[:many]
+            left.high[used : used + many] = high[:many]
+            used += many
+            left.ends[kept] = used
+            kept += 1
+    return at, ASKED, count, depth, kept, fell, steps
+
+
+def spread(stack: Any, depth: int, axis: int, values: Any, twin: Any) -> int:
+    """Put a dialect with each value of an axis on the stack, in the place of the one that asked; the new depth."""
+    asked = stack[depth].copy()
+    asked[AXIS_COUNT + axis], asked[FIRST_ASKED] = 0, -1
+    for value in values[axis]:
+        is_twin = axis == twin[0] and value == twin[1] and asked[twin[2]] == twin[3]
+        if value < 0 or is_twin:
+            continue
+        stack[depth] = asked
+        stack[depth, axis] = value
+        depth += 1
+    return depth
+
+
+def followed(
+    first: int,
+    stop: int,
+    starts: Any,
+    rows: Any,
     seen: Any,
     judged: Any,
     scan_ms: int,
@@ -70,30 +226,14 @@ def sift(
     low: Any,
     high: Any,
     count: int,
+    next_low: Any,
+    next_high: Any,
 ) -> Any:
-    """Walk from one execution to another; equal arguments give equal bits, compiled or not.
-
-    Args:
-        first: Execution to begin with; the elements are those before it.
-        stop: Execution before which to end.
-        starts: Where each execution's sets of inputs begin in `columns`, one more than there are executions.
-        columns: One column for each input, a row for each set of inputs that an execution can have read.
-        seen: PV of the last execution, I_MV, MV and MOUT behind each execution, n by 4.
-        judged: Which of the four stand in the PLC's memory.
-        scan_ms: Longest scan, which bounds a measured interval.
-        dialect: A dialect to ask, as `asked_row` makes it.
-        low: Lowest state of each element, a field a column; more rows than elements, which are overwritten.
-        high: Highest state of each.
-        count: How many elements there are.
-
-    Returns:
-        The execution at which it stopped, why, and the elements before it: lowest, highest, how many.
-    """
-    next_low, next_high = np.empty_like(low), np.empty_like(high)
+    """Walk in one dialect; the execution at which it stopped, why, and the elements before it and how many they are."""
     for k in range(first, stop):
         kept = 0
         for v in range(starts[k], starts[k + 1]):
-            operands = read(columns, v)
+            operands = read(rows, v)
             hides = hides_pv(operands, dialect)
             if hides and forgets(operands):
                 return k, ASKED if dialect[FIRST_ASKED] >= 0 else LOST, low, high, count
@@ -157,6 +297,8 @@ def advanced(
                 return kept
             if kept > before and not remembers_ts(operands):
                 break
+        if per_second and kept > CONTENTS:
+            return -1
     return kept
 
 
@@ -426,8 +568,10 @@ def real_at(position: int) -> Any:
 
 
 ACCESS = """
-def read(columns, v):
-    {columns} = columns
+def taken(stack, depth):
+    return {taken}
+
+def read(rows, v):
     return Inputs({inputs})
 
 def unpacked(rows, e):
@@ -448,20 +592,22 @@ def words(state, terms):
 """Small functions that know a law's tuples; names are filled in."""
 
 
-def _access(controller: Controller) -> dict[str, Any]:
-    """Make the functions that name the fields of this law's tuples."""
+def _access(controller: Controller, compiled: bool) -> dict[str, Any]:
+    """Make the functions that name the fields of this law's tuples; interpreted, a list is read quicker than a row."""
     fields: tuple[str, ...] = controller.state._fields  # type: ignore[attr-defined]
     start = controller.state()
     kinds = {row.attr: row.kind for row in controller.operands}
     names = controller.input_names
     as_field = {bool: "rows[e, {0}] != 0.0", int: "int(rows[e, {0}])"}
     from_rows = [as_field.get(type(value), "REAL(rows[e, {0}])").format(place) for place, value in enumerate(start)]
-    as_input = {Kind.BOOL: "bool({0}[v])", Kind.REAL: "{0}[v]"}
+    as_input = {Kind.BOOL: "rows[v, {0}] != 0.0", Kind.REAL: "REAL(rows[v, {0}])"}
     known = {word.attr: word for word in controller.seen}
     shown = [f"{'state' if attr in fields else 'terms'}.{attr}" for attr in ("pv1", "i", "mv", "mout") if attr in known]
     source = ACCESS.format(
-        columns=", ".join(f"in_{name}" for name in names) + ",",
-        inputs=", ".join(as_input.get(kinds[name], "int({0}[v])").format(f"in_{name}") for name in names),
+        taken="stack[depth]" if compiled else "stack[depth].tolist()",
+        inputs=", ".join(
+            as_input.get(kinds[name], "int(rows[v, {0}])").format(place) for place, name in enumerate(names)
+        ),
         from_rows=", ".join(from_rows),
         to_rows="; ".join(f"rows[e, {place}] = state.{name}" for place, name in enumerate(fields)),
         with_content=", ".join("x" if name == "d" else f"state.{name}" for name in fields),
@@ -470,7 +616,7 @@ def _access(controller: Controller) -> dict[str, Any]:
     )
     scope: dict[str, Any] = {"Inputs": controller.inputs, "State": controller.state, "REAL": REAL}
     exec(compile(source, "<made from a law's tuples>", "exec"), scope)
-    made = {name: scope[name] for name in ("read", "unpacked", "pack", "with_content", "content", "words")}
+    made = {name: scope[name] for name in ("taken", "read", "unpacked", "pack", "with_content", "content", "words")}
     at = {f"{name}_at": fields.index(field) if field in fields else -1 for name, field in PLACES.items()}
     return {**made, **at, "extended": "d" in fields}
 
@@ -485,7 +631,7 @@ def sieve(controller: Controller, compiled: bool) -> Callable[..., Any]:
     """Return `sift` for the law of one controller, compiled or interpreted; made once."""
     key = (controller.name, controller.step, compiled)
     if key not in _SIEVES:
-        accessors = _access(controller)
+        accessors = _access(controller, compiled)
         if compiled:
             accessors = {n: njit(is_inner=True)(made) if callable(made) else made for n, made in accessors.items()}
         maker = Maker(compiled=compiled, asking=True, names=accessors)

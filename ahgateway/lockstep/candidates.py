@@ -5,7 +5,7 @@ This file decides when an axis is split and when it is joined again. It judges n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Collection, Hashable, Mapping
 from copy import copy
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, TypeVar
@@ -57,6 +57,12 @@ ROOM_WITHOUT = 32
 WAIT_MAX = 256
 """A candidate that is lost again and again begins anew after so many executions at most."""
 
+FALLEN_MAX = 256
+"""So many candidates that fell last are compared with what the PLC wrote."""
+
+PACE_MAX = 512
+"""What a question splits is joined again after so many executions at most; after one where questions are rare."""
+
 
 class Asked:
     """A dialect that remembers which open axes were read; an open one reads as its default, 0.
@@ -96,6 +102,8 @@ class Candidate:
         explained: Executions that it explained by bits.
         informative: Those in which something was computed.
         wait: Executions to let pass when it is lost again.
+        asked_at: The execution that asked last.
+        pace: Executions after which what it asked is joined again.
     """
 
     fixed: dict[str, int]
@@ -105,9 +113,13 @@ class Candidate:
     explained: int = 0
     informative: int = 0
     wait: int = 1
+    asked_at: int = -1
+    pace: int = 1
 
-    def state(self) -> frozenset[tuple[bytes, bytes]]:
+    def state(self) -> Hashable:
         """What it can have left hidden, as something to compare."""
+        if len(self.low) == 1:
+            return self.low.tobytes(), self.high.tobytes()
         return frozenset((low.tobytes(), high.tobytes()) for low, high in zip(self.low, self.high, strict=True))
 
     def shadow(self, loop: Loop) -> Shadow:
@@ -146,27 +158,36 @@ def branched(loop: Loop, fixed: dict[str, int], run: Callable[[Any], T | None]) 
     return found
 
 
-def joined(loop: Loop, candidates: list[C]) -> list[C]:
-    """Make an axis open again where all its values leave the same."""
-    axes = {name for candidate in candidates for name in candidate.fixed}
-    states = {id(candidate): candidate.state() for candidate in candidates}
-    for axis in sorted(axes, reverse=True):
-        groups: dict[Any, list[C]] = {}
-        for candidate in candidates:
-            rest = frozenset((name, value) for name, value in candidate.fixed.items() if name != axis)
-            groups.setdefault((rest, states[id(candidate)]), []).append(candidate)
-        candidates = []
-        for (rest, state), group in groups.items():
-            values = {candidate.fixed.get(axis) for candidate in group}
-            if None in values or values >= set(values_of(loop, dict(rest), axis)):
-                best = max(group, key=lambda each: each.explained)
-                wider = copy(best)
-                wider.fixed = dict(rest)
-                states[id(wider)] = state
-                candidates.append(wider)
-            else:
-                candidates.extend(group)
-    return candidates
+def joined(loop: Loop, candidates: list[C], only: Collection[str] = ()) -> list[C]:
+    """Make an axis open again where all its values leave the same; one of a few axes where those are given."""
+    if len(candidates) < 2:
+        return candidates
+    groups: dict[Hashable, list[C]] = {}
+    for candidate in candidates:
+        groups.setdefault(candidate.state(), []).append(candidate)
+    return [each for group in groups.values() for each in _opened(loop, group, only)]
+
+
+def _opened(loop: Loop, group: list[C], only: Collection[str]) -> list[C]:
+    """The same for candidates that left the same."""
+    if len(group) < 2:
+        return group
+    first = group[0].fixed.items()
+    names = sorted({name for each in group for name, _ in each.fixed.items() ^ first}, reverse=True)
+    left = {tuple([each.fixed.get(name) for name in names]): each for each in group}
+    for at, name in enumerate(names):
+        if only and name not in only:
+            continue
+        groups: dict[tuple[int | None, ...], list[tuple[int | None, ...]]] = {}
+        for point in left:
+            groups.setdefault(point[:at] + point[at + 1 :], []).append(point)
+        for points in groups.values() if len(groups) < len(left) else ():
+            values = {point[at] for point in points}
+            if len(points) > 1 and (None in values or values >= set(values_of(loop, left[points[0]].fixed, name))):
+                best = copy(max((left.pop(point) for point in points), key=lambda each: each.explained))
+                best.fixed = {other: value for other, value in best.fixed.items() if other != name}
+                left[(*points[0][:at], None, *points[0][at + 1 :])] = best
+    return list(left.values())
 
 
 class Carrier:
@@ -179,8 +200,7 @@ class Carrier:
         compiled: Walk with the compiled law.
 
     Attributes:
-        fallen: Candidates at the last execution that made one fall, as they stood before it.
-        fallen_at: That execution, -1 while none has fallen.
+        fallen_at: The last execution that made a candidate fall, -1 while none has fallen.
         walked: Executions walked so far, by all candidates.
     """
 
@@ -191,8 +211,13 @@ class Carrier:
         self._compiled = compiled
         self._sift = sift.sieve(loop.controller, compiled)
         self._fields = len(loop.controller.state())
-        self._room = ROOM if "d" in loop.controller.state()._fields else ROOM_WITHOUT
-        self.fallen: list[Candidate] = []
+        room = ROOM if "d" in loop.controller.state()._fields else ROOM_WITHOUT
+        self._room, self._left = sift.room_for(room, self._fields, FALLEN_MAX)
+        self._values, self._twin = _tables(loop)
+        self._next_anchor = _next_true(trace.anchors)
+        self._next_gap = _next_true(~trace.follows)
+        self._informed = np.concatenate(([0], np.cumsum(trace.informs))).tolist()
+        self._fallen: list[tuple[Candidate, Rows]] = []
         self.fallen_at = -1
         self.walked = 0
 
@@ -211,11 +236,10 @@ class Carrier:
 
     def _begun(self, one: Candidate, stop: int) -> list[Candidate]:
         """Begin behind the next execution that allows it."""
-        ahead = np.flatnonzero(self._trace.anchors[one.at : stop])
-        if not len(ahead):
+        number = self._next_anchor[one.at]
+        if number >= stop:
             one.at = stop
             return [one]
-        number = one.at + int(ahead[0])
         before, after = self._pairs[number]
 
         def run(dialect: Any) -> Shadow:
@@ -229,51 +253,118 @@ class Carrier:
         return found
 
     def _walked(self, one: Candidate, stop: int) -> list[Candidate]:
-        """Walk to the next question, or to the end of what follows without a gap."""
-        follows = self._trace.follows
-        if not follows[one.at]:
-            one.low = one.high = np.empty((0, self._fields))
-            return [one]
-        gaps = np.flatnonzero(~follows[one.at : stop])
-        end = one.at + int(gaps[0]) if len(gaps) else stop
-        at, why, axis, low, high = self._sifted(one, end)
-        self.walked += (at - one.at + 1) * max(1, len(one.low))
-        came = replace(
-            one,
-            at=at,
-            low=low,
-            high=high,
-            explained=one.explained + at - one.at,
-            informative=one.informative + int(self._trace.informs[one.at : at].sum()),
-        )
+        """Walk to the next question and past it, or to the end of what follows without a gap."""
+        first, end, room = one.at, min(self._next_gap[one.at], stop), self._room
+        nothing = np.empty((0, self._fields))
+        if end == first:
+            return [replace(one, low=nothing, high=nothing)]
+        room.stack[0], count = asked_row(one.fixed), len(one.low)
+        room.low[:count], room.high[:count] = one.low, one.high
+        at, why, count, depth, kept, fell = self._sifted(first, end, count, 1)
+        came = replace(one, at=at, low=room.low[:count].copy(), high=room.high[:count].copy())
+        came.explained += at - first
+        came.informative += self._informed[at] - self._informed[first]
         if why == sift.DONE:
             return [came]
         if why == sift.FELL:
-            if at >= self.fallen_at:
-                self.fallen = [*(self.fallen if at == self.fallen_at else []), came]
-                self.fallen_at = at
+            self._falls(came, room.stack[:1])
             return []
         if why == sift.LOST:
-            nothing = np.empty((0, self._fields))
-            wait = 1 if at - one.at > WAIT_MAX else min(2 * one.wait, WAIT_MAX)
-            return [replace(came, at=min(at + one.wait, stop), low=nothing, high=nothing, wait=wait)]
+            return [_waiting(came, 1 if at - first > WAIT_MAX else min(2 * one.wait, WAIT_MAX), stop)]
         assert why == sift.ASKED
-        return [replace(came, fixed={**came.fixed, axis: value}) for value in values_of(self._loop, came.fixed, axis)]
+        _set_pace(came)
+        self._falls(came, self._left.fell[:fell])
+        split = self._taken(came, kept, stop)
+        while depth:
+            _, _, _, depth, kept, fell = self._sifted(at, at + 1, count, depth)
+            split += self._taken(came, kept, stop)
+        return self._rejoined(came, split, stop)
 
-    def _sifted(self, one: Candidate, stop: int) -> tuple[int, int, str, Rows, Rows]:
-        """Walk; where and why it stopped, the axis that was asked, and the elements."""
-        trace, row = self._trace, asked_row(one.fixed)
-        assert len(row) == FIRST_ASKED + 1 == 2 * AXIS_COUNT + 1
-        dialect: Any = np.array(row, np.int64) if self._compiled else row
-        count = len(one.low)
-        low, high = (np.zeros((self._room, self._fields)) for _ in range(2))
-        low[:count], high[:count] = one.low, one.high
-        with np.errstate(all="ignore"):
-            at, why, low, high, count = self._sift(
-                one.at, stop, trace.starts, trace.columns, trace.seen, trace.judged, self._loop.scan_ms_max,
-                dialect, low, high, count,
-            )  # fmt: skip
-        return int(at), why, AXIS_NAMES[int(dialect[FIRST_ASKED])], low[:count].copy(), high[:count].copy()
+    def _sifted(self, first: int, stop: int, count: int, depth: int) -> tuple[int, int, int, int, int, int]:
+        trace = self._trace
+        *found, steps = self._sift(
+            first, stop, trace.starts, trace.rows, trace.seen, trace.judged, self._loop.scan_ms_max,
+            self._values, self._twin, self._room, self._left, count, depth,
+        )  # fmt: skip
+        self.walked += steps
+        return tuple(found)
+
+    def _falls(self, one: Candidate, rows: Rows) -> None:
+        """Remember what fell last, for a look at it when nothing is left."""
+        if not len(rows) or one.at < self.fallen_at:
+            return
+        if one.at > self.fallen_at:
+            self._fallen, self.fallen_at = [], one.at
+        if len(self._fallen) < FALLEN_MAX:
+            self._fallen.append((one, rows.copy()))
+
+    @property
+    def fallen(self) -> list[Candidate]:
+        """Candidates at the last execution that made one fall, as they stood before it."""
+        return [replace(one, fixed=_fixed(row, one.fixed)) for one, rows in self._fallen for row in rows][:FALLEN_MAX]
+
+    def _taken(self, one: Candidate, kept: int, stop: int) -> list[Candidate]:
+        """What came through the execution that asked, a candidate for each combination of what it asked."""
+        left, found, begin = self._left, [], 0
+        is_open = left.rows[:kept, AXIS_COUNT:FIRST_ASKED]
+        asked = [at for at in np.flatnonzero((is_open == 0).any(axis=0)).tolist() if AXIS_NAMES[at] not in one.fixed]
+        whys, ends, rows = left.why[:kept].tolist(), left.ends[:kept].tolist(), left.rows[:kept].tolist()
+        informative = one.informative + self._informed[one.at + 1] - self._informed[one.at]
+        for why, row, end in zip(whys, rows, ends, strict=True):
+            fixed = one.fixed | {AXIS_NAMES[at]: row[at] for at in asked if not row[AXIS_COUNT + at]}
+            if why == sift.LOST:
+                found.append(replace(_waiting(one, min(2 * one.wait, WAIT_MAX), stop), fixed=fixed))
+            else:
+                low, high = left.low[begin:end].copy(), left.high[begin:end].copy()
+                known = one.explained + 1, informative, one.wait, one.asked_at, one.pace
+                found.append(Candidate(fixed, one.at + 1, low, high, *known))
+            begin = end
+        return found
+
+    def _rejoined(self, one: Candidate, split: list[Candidate], stop: int) -> list[Candidate]:
+        """Join what a question split where it leaves the same, and again when it was carried on for a while.
+
+        For how long depends on how rare such questions are: each of them costs all its values.
+        """
+        asked = {name for each in split for name in each.fixed} - one.fixed.keys()
+        split = joined(self._loop, split, asked)
+        beyond = min(one.at + one.pace, stop)
+        if len(split) < 2 or all(each.at >= beyond for each in split):
+            return split
+        return joined(self._loop, [after for each in split for after in self.carried(each, beyond)], asked)
+
+
+def _waiting(one: Candidate, wait: int, stop: int) -> Candidate:
+    """A candidate that was lost: it begins anew when it has let some executions pass."""
+    nothing = np.empty((0, one.low.shape[1]))
+    return replace(one, low=nothing, high=nothing, at=min(one.at + one.wait, stop), wait=wait)
+
+
+def _set_pace(one: Candidate) -> None:
+    """Tell how far what is asked now is carried before it is joined: further where the last question was near."""
+    one.pace = min(2 * one.pace, PACE_MAX) if one.at <= one.asked_at + 2 * one.pace else 1
+    one.asked_at = one.at
+
+
+def _fixed(row: Rows, known: Fixed) -> dict[str, int]:
+    """The axes that a dialect has fixed, those first that were known before."""
+    asked = np.flatnonzero(row[AXIS_COUNT:FIRST_ASKED] == 0).tolist()
+    return {**known, **{AXIS_NAMES[place]: int(row[place]) for place in asked if AXIS_NAMES[place] not in known}}
+
+
+def _tables(loop: Loop) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """The values of each axis that differ for this loop, and the one that is another's twin, as a sieve takes them."""
+    values = [values_of(loop, {"ts_source": TsSource.MS}, name) for name in AXIS_NAMES]
+    width = max(map(len, values))
+    places = [AXIS_NAMES.index(name) for name in ("ts_unit", "ts_source")]
+    twin = [places[0], TsUnit.TEN_MS, places[1], TsSource.NOMINAL] if counts_ten_ms(loop) else [-1] * 4
+    return np.array([each + [-1] * (width - len(each)) for each in values], np.int64), np.array(twin, np.int64)
+
+
+def _next_true(flags: npt.NDArray[np.bool_]) -> list[int]:
+    """Place of the first one that is set from each place on; the length where there is none."""
+    places = np.where(flags, np.arange(len(flags)), len(flags))
+    return [int(place) for place in np.minimum.accumulate(places[::-1])[::-1]]
 
 
 def _state(loop: Loop, row: Rows) -> Any:

@@ -19,13 +19,13 @@ from typing import Any
 
 from ahgateway.codec.station import Loop
 from ahgateway.core.controllers.block_axes import axes_of
-from ahgateway.core.dialect import AXES, IntegralStore, TsUnit
+from ahgateway.core.dialect import AXES, Dialect, IntegralStore, TsUnit
 from ahgateway.core.dialect_axes import Axis
-from ahgateway.core.real import REAL, order, same_bits
-from ahgateway.lockstep.anchor import first_anchor
+from ahgateway.core.real import REAL, order, quiet, same_bits
+from ahgateway.lockstep.anchor import anchored, first_anchor
 from ahgateway.lockstep.candidates import SAME_ON_DPID, Candidate, Carrier, Fixed, dialect_of, joined, values_of
 from ahgateway.lockstep.picture import predicted
-from ahgateway.lockstep.shadow import explain, input_variants, judged_names
+from ahgateway.lockstep.shadow import Shadow, explain, input_variants, judged_names
 from ahgateway.lockstep.thinning import is_dependent, thinned
 from ahgateway.lockstep.trace import Observation, columns, observed
 
@@ -79,8 +79,8 @@ class Identification:
         executions: Executions that were explained by bits.
         informative: Those among them in which something was computed.
         unexplained: The execution at which the last candidate fell, None when some survive.
-        is_crowded: More combinations fit than can be followed: the trace has too few plain executions, automatic,
-            between the limits, without dead band.
+        is_crowded: Nothing is named: the trace has too few plain executions, automatic, between the limits, without
+            dead band, to begin with; or more combinations fit up to `executions` than can be followed.
         is_cut: The search ran out of steps; what came after `executions` was not looked at.
     """
 
@@ -95,7 +95,7 @@ class Identification:
     @property
     def is_named(self) -> bool:
         """Tell whether at least one dialect explains the trace, and something was explained at all."""
-        return self.unexplained is None and bool(self.survivors) and self.informative > 0
+        return self.unexplained is None and not self.is_crowded and bool(self.survivors) and self.informative > 0
 
     def decided(self) -> dict[str, int]:
         """Axes of which one value is left, and the coarsest clock: a finer one would explain the same."""
@@ -128,16 +128,21 @@ def identify(
         starts: Partial dialects to begin with; None: those that a first pass over the trace leaves.
     """
     pairs = [(each.before, each.after) for each in observations]
-    begun = thinned(loop, pairs) if starts is None else [dict(fixed) for fixed in starts]
+    follows = [each.is_next for each in observations]
     has_kc = is_dependent(pairs)
+    begun = [dict(fixed) for fixed in starts or ()]
+    if starts is None:
+        begun, fell, _ = thinned(loop, pairs, follows)
+        if fell is not None:
+            return _none_integrates(loop, observations, *fell)
+        if not begun:
+            return replace(_result(loop, [Candidate({})], has_kc), is_crowded=True)
     candidates = [Candidate(dict(fixed)) for fixed in begun]
-    if starts is None and not any(begun):
-        return replace(_result(loop, candidates, has_kc), is_crowded=True)
     if compiled is None:
         is_filtered = any(getattr(before.inputs, "tf", 0) > 0 for before, _ in pairs)
         compiled = len(pairs) >= (FAST_FROM_FILTERED if is_filtered else FAST_FROM) and find_spec("numba") is not None
     carrier = Carrier(loop, pairs, columns(loop, observations), compiled=compiled)
-    at = first_anchor(replace(loop, dialect=dialect_of(begun[0])), pairs, [each.is_next for each in observations])
+    at = first_anchor(replace(loop, dialect=dialect_of(begun[0])), pairs, follows)
     for candidate in candidates:
         candidate.at = at
     stretch, total = 1, steps_max + STEPS_FREE * len(pairs)
@@ -145,7 +150,8 @@ def identify(
         stop = min(at + stretch, len(pairs))
         left: list[Candidate] = []
         for candidate in candidates:
-            left.extend(carrier.carried(candidate, stop))
+            with quiet(all="ignore"):
+                left.extend(carrier.carried(candidate, stop))
             if carrier.walked > total:
                 return replace(_result(loop, candidates, has_kc), is_cut=True)
         if not left:
@@ -185,22 +191,40 @@ def _same_as(loop: Loop, fixed: Fixed, name: str, has_kc: bool) -> set[int]:
 
 def _none(loop: Loop, carrier: Carrier, observations: Sequence[Observation]) -> Identification:
     """Show the execution at which the last candidate fell, beside the candidate that came closest."""
-    number = carrier.fallen_at
-    each = observations[number]
-    variants, names = input_variants(loop, each.before, each.after), judged_names(loop)
-    closest: tuple[int, int, Unexplained] | None = None
-    for candidate in carrier.fallen[:256]:
-        dialect = dialect_of(candidate.fixed)
-        found = explain(replace(loop, dialect=dialect), candidate.shadow(loop), variants, each.after.seen, names)
-        if found.nearest is None:
-            continue
-        ref = predicted(loop.controller, found.nearest.after.low, found.nearest.terms)
-        words = {name: (each.after.seen[name], ref[name]) for name in names}
-        wrong = sum(not same_bits(plc, computed) for plc, computed in words.values())
-        key = (wrong, sum(abs(order(plc) - order(computed)) for plc, computed in words.values()))
-        if closest is None or key < closest[:2]:
-            closest = (*key, Unexplained(number, words, found.nearest.terms, dialect))
+    each = observations[carrier.fallen_at]
+    fallen = carrier.fallen
+    closest: tuple[tuple[int, int], Unexplained] | None = None
+    for candidate in fallen:
+        found = _beside(loop, dialect_of(candidate.fixed), candidate.shadow(loop), each, carrier.fallen_at)
+        if found is not None and (closest is None or found[0] < closest[0]):
+            closest = found
     assert closest is not None, "a candidate that fell had a prediction"
     values: dict[str, tuple[int, ...]] = dict.fromkeys(AXES, ())
-    best = max(carrier.fallen, key=lambda each: each.explained)
-    return Identification(values, (), best.explained, best.informative, closest[2])
+    best = max(fallen, key=lambda each: each.explained)
+    return Identification(values, (), best.explained, best.informative, closest[1])
+
+
+def _none_integrates(
+    loop: Loop, observations: Sequence[Observation], number: int, fixed: Fixed
+) -> Identification:
+    """Show the execution at which the last combination of the integral's axes fell, beside that one."""
+    dialect, last = dialect_of(fixed), observations[number - 1]
+    shadow = anchored(replace(loop, dialect=dialect), last.before, last.after)
+    closest = _beside(loop, dialect, shadow, observations[number], number)
+    assert closest is not None, "behind a plain execution its state is known"
+    return Identification(dict.fromkeys(AXES, ()), (), 0, 0, closest[1])
+
+
+def _beside(
+    loop: Loop, dialect: Dialect, shadow: Shadow, each: Observation, number: int
+) -> tuple[tuple[int, int], Unexplained] | None:
+    """What the PLC wrote beside what a dialect makes of the same: how far it is off, and all its words."""
+    variants, names = input_variants(loop, each.before, each.after), judged_names(loop)
+    found = explain(replace(loop, dialect=dialect), shadow, variants, each.after.seen, names)
+    if found.nearest is None:
+        return None
+    ref = predicted(loop.controller, found.nearest.after.low, found.nearest.terms)
+    words = {name: (each.after.seen[name], ref[name]) for name in names}
+    wrong = sum(not same_bits(plc, computed) for plc, computed in words.values())
+    far = sum(abs(order(plc) - order(computed)) for plc, computed in words.values())
+    return (wrong, far), Unexplained(number, words, found.nearest.terms, dialect)

@@ -2,7 +2,8 @@
 
 Only plain executions count here: automatic, nothing changed, between the limits, no dead band. On them I_MV alone
 decides the integral's axes, and MV less P, I and BIAS bounds D. All of them are computed at once, with the law's own
-functions on arrays. The pass is lenient, it only saves work: `identify` judges what is left by every bit.
+functions on arrays. The pass is lenient, it only saves work: `identify` judges what is left by every bit. Where nothing
+is left, a strict pass over the executions in which nothing else can have a part in I_MV tells whether that is proof.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -35,13 +36,16 @@ MOST = 160
 PLAIN_MIN = 4
 """With fewer plain executions nothing is thinned."""
 
+NEAR = 1e-5
+"""Sums nearer than this share of their largest part may differ by rounding alone."""
+
 SHARE_MIN = 0.85
 """A combination that explains less of the plain executions is out; a corner of the law may spoil a few."""
 
 
 @dataclass(frozen=True)
 class Plain:
-    """Plain executions as columns, n each; REALs but for the flags."""
+    """Plain executions as columns, n each; REALs but for the flags, what was read, and their places in the trace."""
 
     er: Reals
     er1: Reals
@@ -58,6 +62,8 @@ class Plain:
     of_pv: npt.NDArray[np.bool_]
     inputs: tuple[Any, ...]
     d_before: npt.NDArray[np.bool_]
+    steady: npt.NDArray[np.bool_]
+    places: npt.NDArray[np.int64]
 
     def rows(self, chosen: npt.NDArray[Any]) -> Plain:
         """The executions chosen by index or mask."""
@@ -66,16 +72,37 @@ class Plain:
         return Plain(**taken, inputs=tuple(self.inputs[number] for number in index))
 
 
-def thinned(loop: Loop, pairs: Sequence[Pair]) -> list[dict[str, int]]:
-    """Return the combinations that can be true; a single empty one when the trace has too little that is plain."""
-    plain = _plain(loop, pairs)
+class Thinned(NamedTuple):
+    """What the plain executions leave.
+
+    Attributes:
+        left: The combinations that can be true; none where the trace has too little that is plain, and none that is.
+        fell: None can be: the execution at which the last one fell, and that one.
+        plain: How many plain executions there were, of those that were looked at.
+    """
+
+    left: list[dict[str, int]]
+    fell: tuple[int, dict[str, int]] | None
+    plain: int
+
+
+def thinned(loop: Loop, pairs: Sequence[Pair], follows: Sequence[bool]) -> Thinned:
+    """Return the combinations that can be true.
+
+    Args:
+        loop: The loop; its own dialect does not count.
+        pairs: Pictures before and behind each execution.
+        follows: Whether each execution follows the one before it in the trace.
+    """
+    plain = _plain(loop, pairs, follows)
     if plain is None:
-        return [{}]
+        return Thinned([], None, 0)
+    has_kc = is_dependent(pairs)
+    integrating = plain.rows((plain.k > 0) & ((plain.kc > 0) | ~plain.dependent) & (plain.i1 != plain.i0))
     with quiet(all="ignore"):
-        found = _integrals(loop, plain, is_dependent(pairs))
-        if not found:
-            return [{}]
-        return [wider for fixed in found for wider in _derivatives(loop, plain, fixed)]
+        found = _integrals(loop, integrating, has_kc)
+        left = [wider for fixed in found for wider in _derivatives(loop, plain, fixed)]
+        return Thinned(left, None if left else _last_to_fall(loop, integrating, has_kc), len(plain.inputs))
 
 
 def first_plain(loop: Loop, pairs: Sequence[Pair]) -> int:
@@ -110,7 +137,7 @@ def is_plain(loop: Loop, pair: Pair) -> bool:
     )
 
 
-def _plain(loop: Loop, pairs: Sequence[Pair]) -> Plain | None:
+def _plain(loop: Loop, pairs: Sequence[Pair], follows: Sequence[bool]) -> Plain | None:
     names = [name for name in judged_names(loop) if name != "MOUT"]
     if not {"MV", "I_MV"} <= set(names) or loop.controller.law_ts is None:
         return None
@@ -121,7 +148,8 @@ def _plain(loop: Loop, pairs: Sequence[Pair]) -> Plain | None:
         is_now = is_plain(loop, pair)
         joins = number > 0 and all(same_bits(pairs[number - 1][1].seen[name], pair[0].seen[name]) for name in names)
         if is_now and was_plain and joins:
-            rows.append(_row(pairs[number - 1][1].inputs, pair, recorded, was_row))
+            row = _row(pairs[number - 1][1].inputs, pair, recorded, was_row)
+            rows.append((*row[:-1], row[-1] and bool(follows[number]), number))
             was_row = True
         else:
             was_row = False
@@ -132,8 +160,8 @@ def _plain(loop: Loop, pairs: Sequence[Pair]) -> Plain | None:
         return None
     columns = list(zip(*rows, strict=True))
     reals: Any = [np.array(column, dtype=np.float32) for column in columns[:11]]
-    flags: Any = [np.array(columns[number]) for number in (11, 12, 14)]
-    return Plain(*[*reals, *flags[:2], tuple(columns[13]), flags[2]])
+    flags: Any = [np.array(columns[number]) for number in (11, 12, 14, 15, 16)]
+    return Plain(*[*reals, *flags[:2], tuple(columns[13]), *flags[2:]])
 
 
 def _row(last: Any, pair: Pair, recorded: str, was_row: bool) -> tuple[Any, ...]:
@@ -153,7 +181,8 @@ def _row(last: Any, pair: Pair, recorded: str, was_row: bool) -> tuple[Any, ...]
     )
     words = (before.seen["I_MV"], after.seen["I_MV"], after.seen["MV"])
     dependent, of_pv = (bool(read.pid_eq), bool(read.pid_de)) if extended else (False, False)
-    return (er, er1, moved, *words, kc, k, kd, tf, bias, dependent, of_pv, read, was_row and same)
+    is_steady = all(getattr(last, name, None) == getattr(read, name, None) for name in ("pid_dir", "pid_eq"))
+    return (er, er1, moved, *words, kc, k, kd, tf, bias, dependent, of_pv, read, was_row and same, is_steady)
 
 
 def _clocks(loop: Loop, source: TsSource) -> Iterator[dict[str, int]]:
@@ -174,28 +203,25 @@ def _intervals(loop: Loop, plain: Plain, dialect: Dialect) -> Reals:
     """Every Ts that each execution can have had: n by 1, or n by the ticks around CYCLE."""
     controller = loop.controller
     per_second = terms_of.ticks_per_second(dialect)
-    cache: dict[int, list[REAL]] = {}
-    found = []
+    cache: dict[int, Reals] = {}
     for read in plain.inputs:
-        if read.cycle not in cache:
-            if not per_second:
-                cache[read.cycle] = [controller.ts(read, dialect)]
-            else:
-                nominal = round(float(controller.nominal_ts(read)) * per_second)
-                slack = max(1, -(-loop.scan_ms_max * per_second // 1000))
-                counts = range(max(1, nominal - slack), max(1, nominal - slack) + 2 * slack + 1)
-                cache[read.cycle] = [controller.ts(read, dialect, ticks) for ticks in counts]
-        found.append(cache[read.cycle])
-    return np.array(found, dtype=np.float32)
+        if read.cycle in cache:
+            continue
+        ticks: Any = np.zeros(1, np.int64)
+        if per_second:
+            nominal = round(float(controller.nominal_ts(read)) * per_second)
+            slack = max(1, -(-loop.scan_ms_max * per_second // 1000))
+            ticks = max(1, nominal - slack) + np.arange(2 * slack + 1)
+        cache[read.cycle] = np.broadcast_to(np.float32(controller.ts(read, dialect, ticks)), ticks.shape)
+    return np.stack([cache[read.cycle] for read in plain.inputs])
 
 
-def _integrals(loop: Loop, plain: Plain, has_kc: bool) -> list[dict[str, int]]:
+def _integrals(loop: Loop, integrating: Plain, has_kc: bool) -> list[dict[str, int]]:
     """Combinations of the integral's axes that reproduce I_MV, with the coarsest clock that does.
 
-    A finer clock explains whatever a coarser one explains, so that it counts only where that fails.
+    A finer clock explains whatever a coarser one explains, so that it counts only where that fails. Where I_MV stood, a
+    limit that MV does not show may have held it: that says nothing of how it is computed.
     """
-    # Where I_MV stood, a limit that MV does not show may have held it: that says nothing of how it is computed.
-    integrating = plain.rows((plain.k > 0) & ((plain.kc > 0) | ~plain.dependent) & (plain.i1 != plain.i0))
     if len(integrating.inputs) < PLAIN_MIN:
         return []
     for source in TsSource:
@@ -205,21 +231,82 @@ def _integrals(loop: Loop, plain: Plain, has_kc: bool) -> list[dict[str, int]]:
     return []
 
 
+def _last_to_fall(loop: Loop, integrating: Plain, has_kc: bool) -> tuple[int, dict[str, int]] | None:
+    """Hold every combination to what is proof: where the last one falls, and that one; None where one stands."""
+    last: tuple[int, dict[str, int]] | None = None
+    has_ratio = bool(integrating.dependent.any())
+    for clock in (clock for source in TsSource for clock in _clocks(loop, source)):
+        spans = _intervals(loop, integrating, _made(clock)) if len(integrating.inputs) else np.zeros((0, 1), np.float32)
+        for fixed in _with_rules(clock, has_ratio, has_kc):
+            place = _first_missed(integrating, _made(fixed), spans)
+            if place < 0:
+                return None
+            if last is None or place > last[0]:
+                last = (place, fixed)
+    return None if last is None else (int(integrating.places[last[0]]), last[1])
+
+
+def _first_missed(plain: Plain, dialect: Dialect, spans: Reals) -> int:
+    """The first execution whose I_MV must come out by bits and does with none of its intervals, -1 for none."""
+    begin, size = 0, FIRST
+    while begin < len(plain.inputs):
+        part = plain.rows(np.arange(begin, min(begin + size, len(plain.inputs))))
+        found = _advanced(part, dialect, spans[begin : begin + size])
+        is_missed = ~(found.view(np.uint32) == part.i1.view(np.uint32)[:, None]).any(axis=1)
+        if is_missed.any():
+            is_missed &= _is_proof(part, dialect, found)
+        if is_missed.any():
+            return begin + int(is_missed.argmax())
+        begin, size = begin + size, 2 * size
+    return -1
+
+
+def _is_proof(plain: Plain, dialect: Dialect, found: Reals) -> npt.NDArray[np.bool_]:
+    """Executions of which I_MV must be among what was found, whatever the other axes are.
+
+    While MV lies between its limits, a limit can hold I_MV where it was, or compute it back from MV, which gives the
+    term before or behind within rounding. So those executions count in which the term is far from both, and those in
+    which no sum, with D or without, before the integral moved or behind, comes to a limit.
+    """
+    read = [(float(each.mv_min), float(each.mv_max)) for each in plain.inputs]
+    low, high = (np.array(column) for column in zip(*read, strict=True))
+    before, behind, least, most = (_term(plain, dialect, i) for i in (plain.i0, plain.i1, found.min(1), found.max(1)))
+    others = (-1.0 if dialect.direction else 1.0) * plain.kc.astype(np.float64) * plain.er + plain.bias
+    slack = NEAR * np.maximum.reduce([abs(others), abs(plain.bias), abs(before), abs(behind), abs(plain.mv)])
+    sums = [part for term in (before, least, most) for part in (others + term, plain.mv + (term - before))]
+    is_calm = np.logical_and.reduce([(low + slack < each) & (each < high - slack) for each in sums])
+    nearest = abs(_term(plain, dialect, found) - behind[:, None]).min(axis=1)
+    is_far = (nearest > slack) & (abs(behind - before) > slack)
+    return np.asarray(plain.steady & (plain.kc >= 0) & np.isfinite(plain.k) & np.isfinite(slack) & (is_calm | is_far))
+
+
+def _term(plain: Plain, dialect: Dialect, i: Reals) -> npt.NDArray[np.float64]:
+    """What I_MV stands for in MV's unit, in binary64; n values, or n rows of them."""
+    law: Any = terms_of
+    k, kc, dependent = (each[:, None] if i.ndim > 1 else each for each in (plain.k, plain.kc, plain.dependent))
+    free, bound = (law.term(dialect, form, k, kc, i) for form in (False, True))
+    return np.asarray(np.where(dependent, bound, free), dtype=np.float64)
+
+
 def _with_clock(loop: Loop, plain: Plain, clock: dict[str, int], has_kc: bool) -> Iterator[dict[str, int]]:
     first = plain.rows(np.arange(min(FIRST, len(plain.inputs))))
     spans = _intervals(loop, first, _made(clock))
     rest = plain if spans.shape[1] <= FINE_CLOCK else plain.rows(np.arange(min(2 * FIRST, len(plain.inputs))))
     all_spans: Reals | None = None
-    for combination in _rules(bool(plain.dependent.any()), has_kc):
-        if clock["ts_unit"] == TsUnit.LEFT_OUT and combination.get("product"):
-            continue
-        fixed = {**clock, **combination}
+    for fixed in _with_rules(clock, bool(plain.dependent.any()), has_kc):
         if _share(first, _made(fixed), spans) < SHARE_MIN - 1.0 / FIRST:
             continue
         if all_spans is None:
             all_spans = _intervals(loop, rest, _made(clock))
         if _share(rest, _made(fixed), all_spans) >= SHARE_MIN:
             yield fixed
+
+
+def _with_rules(clock: dict[str, int], has_ratio: bool, has_kc: bool) -> Iterator[dict[str, int]]:
+    """Every way to integrate with this clock."""
+    for rule in _rules(has_ratio, has_kc):
+        if clock["ts_unit"] != TsUnit.LEFT_OUT or not rule.get("product"):
+            yield {**clock, **rule}
 
 
 def _rules(has_ratio: bool, has_kc: bool) -> Iterator[dict[str, int]]:

@@ -14,7 +14,6 @@ import numpy as np
 import numpy.typing as npt
 
 from ahgateway.codec.station import Loop
-from ahgateway.core.fast import column_types
 from ahgateway.core.real import REAL, same_bits
 from ahgateway.lockstep.anchor import is_anchor
 from ahgateway.lockstep.picture import Picture
@@ -45,7 +44,7 @@ class Trace:
 
     Attributes:
         starts: Where each execution's sets of inputs begin, one more than there are executions.
-        columns: A column for each input, a row for each set of inputs.
+        rows: A row for each set of inputs, an input a column; binary64 holds each of them exactly.
         seen: `WORDS` behind each execution, n by 4.
         judged: Which of these stand in the PLC's memory.
         anchors: Behind which executions a search may begin.
@@ -54,7 +53,7 @@ class Trace:
     """
 
     starts: npt.NDArray[np.int64]
-    columns: tuple[npt.NDArray[Any], ...]
+    rows: npt.NDArray[np.float64]
     seen: npt.NDArray[np.float32]
     judged: npt.NDArray[np.bool_]
     anchors: npt.NDArray[np.bool_]
@@ -72,14 +71,12 @@ def columns(loop: Loop, observations: Sequence[Observation]) -> Trace:
     for each in observations:
         rows.extend(variants(loop, each))
         starts.append(len(rows))
-    kinds = column_types(loop.controller)
-    held = zip(*rows, strict=True) if rows else ((),) * len(kinds)
     by_attr = {word.attr: word.name for word in loop.controller.seen}
     judged = judged_names(loop)
     tuning = [any(loop.controller.tunes(picture.inputs, picture.seen) for picture in pair) for pair in pairs]
     return Trace(
         np.array(starts, np.int64),
-        tuple(np.array(column, kinds[name]) for name, column in zip(loop.controller.input_names, held, strict=True)),
+        np.array(rows, np.float64).reshape(len(rows), len(loop.controller.input_names)),
         np.array([[after.seen.get(by_attr[attr], REAL(0)) for attr in WORDS] for _, after in pairs], np.float32),
         np.array([by_attr[attr] in judged for attr in WORDS]),
         np.array([not tuning[n] and is_anchor(loop, pairs, n, is_next=o.is_next) for n, o in enumerate(observations)]),

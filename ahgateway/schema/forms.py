@@ -162,6 +162,9 @@ class EvidenceForm(Form):
     date: str = Field(default="", description="ISO date")
     executions: int = Field(default=0, ge=0, description="executions that agreed")
     firmware: str = Field(default="", description="firmware of the PLC, as its label or programming tool shows it")
+    earlier: dict[str, str] = Field(
+        default_factory=dict, description="axis to the date of the earlier run that decided it, where the last did not"
+    )
 
 
 class FakeForm(Form):

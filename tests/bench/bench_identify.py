@@ -48,9 +48,9 @@ def searched(loop: Loop, observations: Sequence[Observation], road: str) -> floa
 
 def one_by_one(loop: Loop, observations: Sequence[Observation], dialect: object, combinations: int) -> float:
     """CPU seconds of so many combinations walked alone by the compiled law."""
-    rows = columns(loop, observations)
-    inputs = dict(zip(loop.controller.input_names, rows.columns, strict=True))
-    ts = np.full(len(rows.columns[0]), float(loop.controller.nominal_ts(observations[0].before.inputs)), np.float32)
+    rows = columns(loop, observations).rows
+    inputs = dict(zip(loop.controller.input_names, rows.T, strict=True))
+    ts = np.full(len(rows), float(loop.controller.nominal_ts(observations[0].before.inputs)), np.float32)
     walk(loop.controller, inputs, loop.controller.state(), dialect, ts)
     started = time.process_time()
     for _ in range(3):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from recording.conftest import Run
 from typer.testing import CliRunner
 
 from ahgateway.cli.main import app
-from ahgateway.core.dialect import DEFAULT, Integrator, SumOrder, TsSource
+from ahgateway.core.dialect import DEFAULT, Freeze, Integrator, SumOrder, TsSource
 from ahgateway.errors import ProfileError
 from ahgateway.schema.profile import load
 
@@ -73,14 +74,71 @@ def test_save_writes_dialect_and_evidence_and_leaves_every_line_of_the_profile(r
     assert SumOrder.PD_I is dialect.sum_order
 
 
-def test_saving_again_replaces_what_was_saved(recording: Path, profile: Path) -> None:
-    for firmware in ("1.08", "1.09"):
-        RUNNER.invoke(app, ["identify", str(recording), "--save", str(profile), "--firmware", firmware])
+SAVED = """
+[loops.L1.dialect]
+mout_auto = "always"            # nothing of the recording can tell
+integrator = "rectangle"
+freeze = "outward"
 
-    text = profile.read_text(encoding="utf-8")
-    assert 1 == text.count("[loops.L1.dialect]")
-    assert 1 == text.count("firmware =")
-    assert 'firmware = "1.09"' in text
+[loops.L1.evidence]
+by = "ahgateway identify"
+date = "2026-11-20"
+executions = 900
+firmware = "1.08"
+earlier = { freeze = "2026-11-02" }
+"""
+"""What an earlier run has saved; of the integrator it says something else than the recording."""
+
+
+def test_saving_again_keeps_what_the_newer_run_leaves_open(recording: Path, profile: Path) -> None:
+    profile.write_text(PROFILE + SAVED, encoding="utf-8")
+    done = RUNNER.invoke(app, ["identify", str(recording), "--save", str(profile)])
+
+    saved = tomlkit.parse(profile.read_text(encoding="utf-8")).unwrap()["loops"]["L1"]
+    assert 0 == done.exit_code, done.output
+    assert {"mout_auto": "always", "freeze": "outward", "sum_order": "pd_i"}.items() <= saved["dialect"].items()
+    assert {"mout_auto": "2026-11-20", "freeze": "2026-11-02"} == saved["evidence"]["earlier"]
+    assert "1.08" == saved["evidence"]["firmware"]
+    assert "L1: kept from before, where this run says nothing else: mout_auto, freeze" in done.stderr
+    assert "# nothing of the recording can tell" in profile.read_text(encoding="utf-8")
+    assert Freeze.OUTWARD is load(str(profile)).station().loops[0].dialect.freeze
+
+
+def test_what_the_newer_run_contradicts_is_said_with_both_values_and_the_newer_stands(
+    recording: Path, profile: Path
+) -> None:
+    profile.write_text(PROFILE + SAVED, encoding="utf-8")
+    done = RUNNER.invoke(app, ["identify", str(recording), "--save", str(profile)])
+
+    saved = tomlkit.parse(profile.read_text(encoding="utf-8")).unwrap()["loops"]["L1"]
+    assert "trapezoid" == saved["dialect"]["integrator"]
+    assert "L1: integrator was rectangle (2026-11-20), this run leaves only trapezoid: the newer stands" in done.stderr
+    assert "if another firmware runs now, say so with --firmware" in done.stderr
+
+
+def test_another_firmware_begins_anew(recording: Path, profile: Path) -> None:
+    profile.write_text(PROFILE + SAVED, encoding="utf-8")
+    done = RUNNER.invoke(app, ["identify", str(recording), "--save", str(profile), "--firmware", "1.09"])
+
+    saved = tomlkit.parse(profile.read_text(encoding="utf-8")).unwrap()["loops"]["L1"]
+    assert {"mout_auto", "freeze"}.isdisjoint(saved["dialect"])
+    assert "1.09" == saved["evidence"]["firmware"]
+    assert "earlier" not in saved["evidence"]
+    assert "firmware was 1.08 (2026-11-20) and is 1.09: the dialect begins anew, dropped: mout_auto = always" in (
+        done.stderr
+    )
+
+
+def test_what_names_nothing_leaves_what_was_saved(recording: Path, profile: Path, tmp_path: Path) -> None:
+    run = Run(tmp_path / "short.ahrec", World("DPID", GAINS, loop_changes={"dialect": DIALECT}))
+    asyncio.run(run.polls(3))
+    run.close()
+    profile.write_text(PROFILE + SAVED, encoding="utf-8")
+    done = RUNNER.invoke(app, ["identify", str(run.path), "--save", str(profile)])
+
+    assert 3 == done.exit_code
+    assert PROFILE + SAVED == profile.read_text(encoding="utf-8")
+    assert "dialect of L1 not written, none is named" in done.stderr
 
 
 def test_a_profile_without_the_loop_is_not_touched(recording: Path, tmp_path: Path) -> None:

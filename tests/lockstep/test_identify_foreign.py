@@ -153,11 +153,12 @@ def test_arithmetic_outside_the_family_is_not_named(foreign: str, name: str, see
     observations = trace(name, DEFAULT, seed, executions, FOREIGN[foreign](CONTROLLERS[name].step))
     found = identify(loop_of(name), observations)
 
-    assert not found.is_named or found.is_crowded
-    if found.unexplained is not None:
-        # The PLC's words and the closest candidate's stand side by side, with every term of that.
-        assert any(plc != ref for plc, ref in found.unexplained.words.values())
-        assert {"e", "p", "i", "d", "raw"} <= set(found.unexplained.terms._fields)
+    assert not found.is_named
+    assert not found.is_crowded
+    assert found.unexplained is not None
+    # The PLC's words and the closest candidate's stand side by side, with every term of that.
+    assert any(plc != ref for plc, ref in found.unexplained.words.values())
+    assert {"e", "p", "i", "d", "raw"} <= set(found.unexplained.terms._fields)
 
 
 @pytest.mark.parametrize(("name", "seed", "executions"), [*CASES, ("DPIDE", 5, 60)])
