@@ -23,6 +23,7 @@ from ahgateway.apps.tune_sitting import Envelope
 from ahgateway.clock import SECOND
 from ahgateway.codec.access import Read, Request, Table
 from ahgateway.codec.station import PlantSpec, WriteLimit
+from ahgateway.errors import StateError
 from ahgateway.lockstep.gate.gate import Gate
 from ahgateway.lockstep.picture import Sampler
 from ahgateway.transports.base import Reply
@@ -51,6 +52,8 @@ ROLLBACK = "rollback"
 EVERY = (*KINDS, GAINS, ROLLBACK)
 REST_S = 40
 """How long PV is given between two moments."""
+RESTS = 4
+"""How often that is tried: noise alone makes one rest in some hundreds look like a movement."""
 
 
 @dataclass
@@ -180,40 +183,37 @@ async def stopped(bench: Bench, choose: Callable[[list[str]], Iterable[int]]) ->
         bench: A loop at rest.
         choose: From what passes in an undisturbed run to the numbers of the moments.
     """
-    before, left = bench.holds(), []
-    numbers: list[int] = [-1]
-    for count, number in enumerate(iter_growing(numbers)):
-        if bench.kind == ROLLBACK:
-            await bench.keep()
-            bench.rest(REST_S)
+    assert "" == await left_by(bench, -1)
+    return [line for number in list(choose(bench.moments.passed)) if (line := await left_by(bench, number))]
+
+
+async def left_by(bench: Bench, number: int) -> str:
+    """Do the work once and stop it at this moment; return what that left changed, in words."""
+    before, moments = bench.holds(), bench.moments
+    if bench.kind == ROLLBACK:
+        await bench.keep()
+        bench.rest(REST_S)
+    error: BaseException | None = StateError("not begun")
+    for _ in range(RESTS):
         task = asyncio.ensure_future(bench.work())
-        bench.moments.begin(task, number)
+        moments.begin(task, number)
         await asyncio.wait({task})
         error = None if task.cancelled() else task.exception()
-        if count == 0:
-            assert error is None, error
-            numbers += choose(bench.moments.passed)
-        now, wanted = bench.holds(), before
-        if bench.kind == GAINS and not task.cancelled() and error is None:
-            # The end came too late: proven gains stay, and only they are new.
-            assert now != before
-            await bench.moments.world.gate().recover("next moment")
-            now = bench.holds()
-        if now != wanted or bench.ended() not in ("", "restored") or error is not None:
-            what = bench.moments.passed[number] if 0 <= number < len(bench.moments.passed) else "the end"
-            changed = [f"{name} {was} → {is_}" for name, was, is_ in zip(HELD, before, now, strict=True) if was != is_]
-            left.append(f"{bench.kind} at {number}, {what}: {', '.join(changed)} {bench.ended()} {error or ''}")
-            await bench.moments.world.gate().recover("next moment")
+        if "not at rest" not in str(error):
+            break
         bench.rest(REST_S)
-    return left
-
-
-def iter_growing(numbers: list[int]) -> Iterator[int]:
-    """Iterate over a list that grows meanwhile."""
-    index = 0
-    while index < len(numbers):
-        yield numbers[index]
-        index += 1
+    if bench.kind == GAINS and not task.cancelled() and error is None:
+        # The end came too late: proven gains stay, and are put back by hand here.
+        assert bench.holds() != before
+        await moments.world.gate().recover("next moment")
+    now, ended = bench.holds(), bench.ended()
+    bench.rest(REST_S)
+    if now == before and ended in ("", "restored") and error is None:
+        return ""
+    await moments.world.gate().recover("next moment")
+    what = moments.passed[number] if 0 <= number < len(moments.passed) else "the end"
+    changed = ", ".join(f"{name} {was} → {is_}" for name, was, is_ in zip(HELD, before, now, strict=True) if was != is_)
+    return f"{bench.kind} at {number}, {what}: {changed} {ended} {error or ''}"
 
 
 def around_writes(passed: list[str]) -> Iterator[int]:
