@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
+from ahgateway.tuning.fit import fit
 from ahgateway.tuning.models import Model
 from ahgateway.tuning.record import Record
 from ahgateway.tuning.runner import delta
@@ -49,3 +52,21 @@ def closed(model: Model, gains: dict[str, float], *, noise: float = 0.05, count:
         rows.append((index * ts_s, sv, pv, mv))
         state, y = plant.step(state, mv, ts_s)
     return Record(*np.array(rows).T, "test")
+
+
+def coverage(model: Model, noise: float, seeds: Iterable[int], count: int = 600, ts_s: float = 0.5
+             ) -> tuple[dict[str, float], dict[str, float]]:  # fmt: skip
+    """Share of 95 % intervals that hold the truth, and their mean width over that of 1.96 standard deviations."""
+    values: dict[str, list[float]] = {}
+    claimed: dict[str, list[float]] = {}
+    for seed in seeds:
+        found = fit(doublet(model, noise=noise, seed=seed, count=count, ts_s=ts_s), model.kind, noise=False)
+        for name, half in found.interval.items():
+            values.setdefault(name, []).append(float(getattr(found.model, name)))
+            claimed.setdefault(name, []).append(half)
+    hits, widths = {}, {}
+    for name, found_values in values.items():
+        inside = np.abs(np.array(found_values) - getattr(model, name)) <= np.array(claimed[name])
+        hits[name] = float(np.mean(inside))
+        widths[name] = float(np.mean(claimed[name]) / (1.96 * np.std(found_values)))
+    return hits, widths

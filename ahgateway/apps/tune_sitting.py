@@ -6,7 +6,6 @@ everything back at the end, at an abort, at a signal and at a lost link.
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -64,7 +63,6 @@ class Sitting:
         sampler: Takes its pictures.
         clock: Time.
         envelope: Within what it stays.
-        stop: Set by whoever wants it to end.
         told: Called with a line of text whenever something begins or ends.
         patience_s: How long a loop that is not at rest is waited for.
         left: Why the envelope was left; empty while it was not.
@@ -76,7 +74,6 @@ class Sitting:
     sampler: Sampler
     clock: Clock
     envelope: Envelope
-    stop: asyncio.Event = field(default_factory=asyncio.Event)
     told: Callable[[str], None] = lambda text: None
     patience_s: float = 0.0
     left: str = ""
@@ -154,8 +151,6 @@ class Sitting:
     async def _sample(self, pause_ns: int | None = None) -> Picture:
         """Wait for the next moment, take a picture, keep it, and judge it against the envelope."""
         await self.gate.pause(self._pause_ns() if pause_ns is None else pause_ns)
-        if self.stop.is_set():
-            raise StateError(f"loop {self.loop.name}: stopped; everything has been put back")
         picture = None
         while picture is None:
             picture = await self.sampler.picture()

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
-
 import numpy as np
 import pytest
-from lockstep.gate.gate_world import WRITES, FailingLink, GateWorld, is_write
+from lockstep.gate.gate_world import WRITES, GateWorld
 from tuning_data import answered
 
 from ahgateway.apps.tune import tune
@@ -100,46 +98,6 @@ async def test_a_step_that_is_predicted_to_leave_the_envelope_is_refused_before_
     with pytest.raises(StateError, match=r"SV must stand 400 s on each side, the whole may take 600 s"):
         await trial.apply(tuned(), "SIMC PI", 1.0, 400.0)
     assert [] == world.sent()
-
-
-async def test_a_stop_at_any_moment_of_the_proof_leaves_nothing_changed(tmp_path):
-    result = tuned()
-    for moment in (20, 43, 52, 60, 110, 160):
-        world, trial = bench(tmp_path / str(moment))
-        original = trial._judge
-
-        def told(trial=trial, moment=moment, original=original):
-            original()
-            if len(trial.rows) >= moment:
-                trial.stop.set()
-
-        trial._judge = told
-        before = world.holds(*HELD)
-        with pytest.raises(StateError, match="stopped"):
-            await trial.apply(result, "SIMC PI", 4.0, 12.0)
-        assert before == world.holds(*HELD)
-
-
-async def test_an_end_at_any_write_leaves_nothing_changed(tmp_path):
-    """The task is cancelled, as Ctrl-C does, before or behind the request with the gains, SV up, SV back."""
-    result = tuned()
-    for place, number in (("before", 1), ("behind", 1), ("before", 2), ("behind", 2), ("before", 3), ("behind", 3)):
-        world, trial = bench(tmp_path / f"{place}{number}")
-        seen = []
-
-        def at(where, request, seen=seen, place=place, number=number):
-            if is_write(request) and where == place:
-                seen.append(request)
-                if len(seen) == number:
-                    raise asyncio.CancelledError
-
-        link = FailingLink(world.link, at)
-        trial.gate = world.gate(link)
-        before = world.holds(*HELD)
-        with pytest.raises(asyncio.CancelledError):
-            await trial.apply(result, "SIMC PI", 4.0, 6.0)
-        assert before == world.holds(*HELD)
-        assert len(seen) >= number
 
 
 async def test_what_the_proposal_does_not_fit_is_refused(tmp_path):

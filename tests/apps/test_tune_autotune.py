@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
-
 import pytest
 from lockstep.gate.gate_world import WRITES, Cut, FailingLink, GateWorld, is_write
 
@@ -95,24 +93,6 @@ async def test_limits_that_may_not_be_written_keep_the_plc_from_tuning(tmp_path)
     assert [] == world.sent()
 
 
-async def test_an_abort_in_the_middle_ends_the_plc_s_tuning_first(tmp_path):
-    for moment in (41, 55, 75):
-        world = bench(tmp_path / str(moment))
-        before = world.holds(*HELD)
-        made = experiment(world)
-        original = made._judge
-
-        def told(made=made, moment=moment, original=original):
-            original()
-            if len(made.rows) >= moment:
-                made.stop.set()
-
-        made._judge = told
-        with pytest.raises(StateError, match="stopped"):
-            await made.run(Wanted(Kind.AUTOTUNE))
-        assert before == world.holds(*HELD)
-
-
 async def test_pv_beyond_its_bounds_ends_it(tmp_path):
     world = bench(tmp_path)
     before = world.holds(*HELD)
@@ -170,23 +150,6 @@ async def test_gains_that_a_person_changed_behind_the_tuning_are_left_alone(tmp_
     with pytest.raises(StateError, match="Kc_Kp"):
         await made.run(Wanted(Kind.AUTOTUNE))
     assert 7.0 == float(world.plc.read("L1", "Kc_Kp"))
-
-
-async def test_a_cancelled_task_in_the_middle_puts_back(tmp_path):
-    world = bench(tmp_path)
-    before = world.holds(*HELD)
-    made = experiment(world)
-    original = made._judge
-
-    def told():
-        original()
-        if len(made.rows) == 70:
-            raise asyncio.CancelledError
-
-    made._judge = told
-    with pytest.raises(asyncio.CancelledError):
-        await made.run(Wanted(Kind.AUTOTUNE))
-    assert before == world.holds(*HELD)
 
 
 def test_pid_mode_goes_back_before_the_gains_wherever_it_stands():

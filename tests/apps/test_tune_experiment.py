@@ -57,22 +57,6 @@ async def test_leaving_the_envelope_aborts_and_puts_back(tmp_path):
     assert [False] == world.holds("PID_MAN")
 
 
-async def test_a_stop_at_any_moment_leaves_nothing_changed(tmp_path):
-    for moment in (5, 45, 90):
-        world, experiment = bench(tmp_path / str(moment))
-
-        def told(experiment=experiment, moment=moment):
-            if len(experiment.rows) >= moment:
-                experiment.stop.set()
-
-        original = experiment._judge
-        experiment._judge = lambda told=told, original=original: (original(), told())
-        before = world.holds("PID_MAN", "SV")
-        with pytest.raises(StateError, match="stopped"):
-            await experiment.run(Wanted(Kind.DOUBLET, 2.0, hold_s=8.0))
-        assert before == world.holds("PID_MAN", "SV")
-
-
 async def test_somebody_else_who_writes_ends_it(tmp_path):
     world, experiment = bench(tmp_path)
     original = experiment._judge

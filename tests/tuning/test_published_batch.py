@@ -1,7 +1,7 @@
 """Identification and rules against the literature: a published batch of processes, and what the papers say of rules.
 
-Where a paper gives no IAE, a second simulation stands in for it: the continuous loop with its dead time by small steps,
-written here and sharing nothing with ours. Where one does, it stands in `test_published_values`.
+Ms and IAE that others have published stand in `test_published_values`. No IAE of a rule is of an
+integrator: there a second simulation stands beside ours, the continuous loop with its dead time by small steps.
 """
 
 from __future__ import annotations
@@ -9,11 +9,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from tuning_batch import TS, answered, model_error, response
-from tuning_data import doublet
+from tuning_data import coverage
 
 from ahgateway.tuning.canonical import standard
 from ahgateway.tuning.findings import Weight
-from ahgateway.tuning.fit import fit
 from ahgateway.tuning.identify import identify
 from ahgateway.tuning.margins import controller
 from ahgateway.tuning.models import Kind, Model
@@ -58,33 +57,8 @@ def test_the_batch_with_noise_and_quantisation_gives_models_that_rules_can_stand
         assert 0.85 * 1.4 < ms_on_the_real_process(name, rule, model) < 1.15 * 1.4
 
 
-@pytest.mark.parametrize(
-    ("rule", "lag", "dead", "kc", "ti", "td"),
-    [
-        # Åström and Hägglund 2004, section 6: lag-dominated, balanced and delay-dominated example, K = 1.
-        ("AMIGO PI", 1.04, 0.075, 4.13, 0.539, 0.0),
-        ("AMIGO PID", 1.04, 0.075, 6.44, 0.361, 0.0367),
-        ("AMIGO PI", 2.90, 1.42, 0.414, 2.66, 0.0),
-        ("AMIGO PID", 2.90, 1.42, 1.12, 2.40, 0.619),
-        ("AMIGO PID", 0.0932, 1.01, 0.242, 0.474, 0.119),
-    ],
-)
-def test_amigo_gives_the_gains_of_its_authors_examples(rule, lag, dead, kc, ti, td):
-    gains = apply(BY_NAME[rule], Model(Kind.FOPDT, 1.0, dead, lag), 1e-9)
-    assert (kc, ti, td) == pytest.approx((gains.kc, gains.ti_s, gains.td_s), rel=5e-3)
-
-
-def test_tyreus_luyben_has_the_two_decibels_it_was_made_for():
-    """Tyreus and Luyben 1992: largest closed-loop log modulus of 2 dB for an integrator with dead time."""
-    model = Model(Kind.IPDT, 0.3, 2.0)
-    gains = apply(BY_NAME["Tyreus-Luyben PI"], model, 1e-9)
-    omega = np.geomspace(1e-3, 2.0, 20000)
-    loop = gains.kc * (1.0 + 1.0 / (1j * omega * gains.ti_s)) * model.response(omega)
-    assert 2.0 == pytest.approx(20.0 * np.log10(np.max(np.abs(loop / (1.0 + loop)))), abs=0.1)
-
-
 def simulated(model, gains, length, sv, load, filter_s, dt=0.01):
-    """|SV − PV| integrated: ideal PI or PID with D of PV behind a filter, on a lag or an integrator with dead time."""
+    """|SV − PV| integrated: ideal PI or PID with D of PV behind a filter, on an integrator with dead time."""
     late = [0.0] * max(1, round(model.dead_time_s / dt))
     y = integral = slow = iae = 0.0
     for index in range(int(length / dt)):
@@ -97,17 +71,17 @@ def simulated(model, gains, length, sv, load, filter_s, dt=0.01):
         u = gains.kc * error + integral - derivative
         place = index % len(late)
         acts, late[place] = late[place], u + load
-        y += dt * (model.gain * acts if model.kind is Kind.IPDT else (model.gain * acts - y) / model.tau_s)
+        y += dt * model.gain * acts
         iae += abs(sv - y) * dt
     return iae
 
 
-@pytest.mark.parametrize("model", [Model(Kind.FOPDT, 1.5, 2.0, 6.0), Model(Kind.IPDT, 0.2, 2.0)])
-def test_every_rule_s_predicted_iae_agrees_with_a_second_simulation(model):
+def test_every_rule_s_predicted_iae_of_an_integrator_agrees_with_a_second_simulation():
     """SV step of 1 and load step of 1; CYCLE of 20 ms is as good as continuous.
 
     A closed form besides (Åström and Hägglund): a load has ∫(SV − PV) = Ti/Kc, and IAE is the same unless PV swings.
     """
+    model = Model(Kind.IPDT, 0.2, 2.0)
     loop = LoopForm("DPIDE", {"CYCLE": 20, "MV_MAX": 1e6, "MV_MIN": -1e6}, (0.0, 0.0), 1.0, 1.0)
     found = [each for each in proposals(model, loop) if each.margins.ms < 4.0]
     assert len(found) >= 6
@@ -124,43 +98,15 @@ def test_every_rule_s_predicted_iae_agrees_with_a_second_simulation(model):
         assert each.load.overshoot_percent < 1.0 or each.load.iae > 1.01 * whole, each.name
 
 
-def test_simc_has_the_iae_of_its_loop():
-    """SIMC cancels the lag: L = e^(−θs)/2θs. For SV the delay equation gives 2.17 θ, for the load IE = τI/Kc = 2Kθ."""
-    step = 1e-4
-    late, y, iae = [0.0] * 10000, 0.0, 0.0
-    for index in range(200000):
-        place = index % 10000
-        error, late[place] = late[place], 1.0 - y
-        y += 0.5 * step * error
-        iae += abs(1.0 - y) * step
-    assert 2.17 == pytest.approx(iae, abs=0.005)
-    model = Model(Kind.FOPDT, 1.5, 2.0, 6.0)
-    loop = LoopForm("DPIDE", {"CYCLE": 10, "MV_MAX": 1e6, "MV_MIN": -1e6}, (0.0, 0.0), 1.0, 1.0)
-    found = next(each for each in proposals(model, loop, rules=(BY_NAME["SIMC PI"],)))
-    assert (2.17 * 2.0, 2.0 * 1.5 * 2.0) == pytest.approx((found.setpoint.iae, found.load.iae), rel=0.01)
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("model", "runs"),
-    [
-        (Model(Kind.FOPDT, 1.5, 4.3, 20.0), 40),
-        (Model(Kind.IPDT, 0.02, 3.2), 60),
-        (Model(Kind.SOPDT, 1.5, 2.1, 6.0, 0.5), 30),
-    ],
+    ("model", "runs"), [(Model(Kind.FOPDT, 1.5, 4.3, 20.0), 20), (Model(Kind.IPDT, 0.02, 3.2), 30)]
 )
-def test_confidence_intervals_hold_the_truth_as_often_as_they_say_and_are_no_wider_than_that_needs(model, runs):
-    """At least 83 % hold the truth where 95 % are claimed; width: 1.96 standard deviations. The bench runs more."""
-    hits: dict[str, int] = {}
-    values: dict[str, list[float]] = {}
-    claimed: dict[str, list[float]] = {}
-    for seed in range(runs):
-        found = fit(doublet(model, noise=0.2, seed=seed, count=300, ts_s=1.0), model.kind, noise=False)
-        for name, half in found.interval.items():
-            value = float(getattr(found.model, name))
-            hits[name] = hits.get(name, 0) + (abs(value - getattr(model, name)) <= half)
-            values.setdefault(name, []).append(value)
-            claimed.setdefault(name, []).append(half)
-    assert all(count >= 0.83 * runs for count in hits.values()), hits
-    ratios = {name: float(np.mean(claimed[name]) / (1.96 * np.std(values[name]))) for name in values}
+def test_confidence_intervals_hold_the_truth_and_are_no_wider_than_that_needs(model, runs):
+    """At least 83 % hold the truth where 95 % are claimed; width: 1.96 standard deviations.
+
+    `tests/bench/bench_tuning.py` does it 100 times for each of four processes at two noises, with narrower bars.
+    """
+    hits, ratios = coverage(model, 0.2, range(runs), count=300, ts_s=1.0)
+    assert all(share >= 0.83 for share in hits.values()), hits
     assert all(0.6 < ratio < 1.7 for ratio in ratios.values()), ratios

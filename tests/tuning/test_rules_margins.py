@@ -27,37 +27,6 @@ def gains(name, model, ts_s=1e-9, dial=0.5):
     return found.kc, found.ti_s, found.td_s
 
 
-def robustness(name, model):
-    kc, ti, td = gains(name, model)
-    return margins(model, standard(kc, ti, td, ts_s=FAST_S))
-
-
-def test_simc_has_the_margins_of_its_paper_for_a_first_order_process():
-    """Skogestad 2003, table 1, column g1 (τ ≤ 8θ): GM 3.14, PM 61.4°, Ms 1.59, whatever K, τ and θ."""
-    for tau in (0.5, 1.0, 8.0):
-        found = robustness("SIMC PI", Model(Kind.FOPDT, 3.0, 1.0, tau))
-        assert (1.59, 3.14, 61.4) == (
-            pytest.approx(found.ms, abs=0.005),
-            pytest.approx(found.gain_margin, abs=0.01),
-            pytest.approx(found.phase_margin_deg, abs=0.1),
-        )
-
-
-def test_simc_has_the_margins_of_its_paper_for_an_integrating_process():
-    """Skogestad 2003, table 1: GM 2.96, PM 46.9°, Ms 1.70."""
-    found = robustness("SIMC PI", Model(Kind.IPDT, 0.2, 1.0))
-    assert (1.70, 2.96, 46.9) == (
-        pytest.approx(found.ms, abs=0.005),
-        pytest.approx(found.gain_margin, abs=0.01),
-        pytest.approx(found.phase_margin_deg, abs=0.1),
-    )
-
-
-def test_amigo_pi_on_an_integrating_process_has_the_robustness_it_was_made_for():
-    """Åström and Hägglund 2004: M = 1.4."""
-    assert 1.4 == pytest.approx(robustness("AMIGO PI", Model(Kind.IPDT, 1.0, 1.0)).ms, abs=0.02)
-
-
 @pytest.mark.parametrize(
     ("name", "kc", "ti", "td"),
     [

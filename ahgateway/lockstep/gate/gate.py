@@ -12,6 +12,7 @@ write, read, until nothing of ours is left or something is not ours any more.
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Mapping
 from typing import Any
@@ -366,6 +367,8 @@ class Gate:
     async def restore(self, why: str) -> Restored:
         """Put back what still is ours, for as long as it takes the link to come back; then disarm.
 
+        A first cancellation in the middle waits until that is done and then ends the task; a second one ends it there.
+
         Returns:
             How it ended; when it is not clean, the gate is BROKEN and the journal keeps the session open.
         """
@@ -373,8 +376,22 @@ class Gate:
             raise StateError(f"loop {self.loop.name}: nothing was written that could be put back")
         self.state = after(self.state, Event.ABORT)
         self._papers.note("restoring", why=why)
+        work = asyncio.ensure_future(self._restored(self.session))
         try:
-            restored = await self._put_back(self.session)
+            return await asyncio.shield(work)
+        except asyncio.CancelledError:
+            if work.cancelled():
+                raise
+            restored = await work
+            task = asyncio.current_task()
+            assert task is not None
+            task.cancel()
+            return restored
+
+    async def _restored(self, session: Session) -> Restored:
+        """Put back, give the PLC's lease back, and write down how it ended."""
+        try:
+            restored = await self._put_back(session)
         except BaseException:
             # A second Ctrl-C: the journal still says what is open, and the next start puts it back.
             self._papers.close()

@@ -96,6 +96,31 @@ async def test_killed_in_the_middle_of_putting_back_and_again(tmp_path) -> None:
         assert AS_FOUND == world.holds(*OPERANDS)
 
 
+@pytest.mark.parametrize("times", [1, 2])
+async def test_a_first_end_while_putting_back_waits_until_that_is_done_and_a_second_does_not(tmp_path, times: int):
+    world, reads = GateWorld(tmp_path), []
+
+    class Link(FailingLink):
+        async def exchange(self, request):
+            if gate.state is State.RESTORING and len(reads) < times:
+                reads.append(request)
+                task.cancel()
+            await asyncio.sleep(0)
+            return await self.inner.exchange(request)
+
+    async def work() -> None:
+        async with gate.armed("there and back"):
+            await gate.write({"SV": 52.5})
+
+    gate = world.gate(Link(world.link, lambda moment, request: None))
+    task = asyncio.ensure_future(work())
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    assert (times == 1) == (AS_FOUND == world.holds(*OPERANDS))
+    async with world.gate().armed("next start"):
+        assert AS_FOUND == world.holds(*OPERANDS)
+
+
 async def test_killed_and_then_an_operator_takes_over(tmp_path) -> None:
     """He finds the loop in manual, moves MOUT, and finds it as he left it after the next start."""
     world = await run_until(tmp_path, 4, "behind")
