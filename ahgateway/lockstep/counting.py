@@ -63,11 +63,15 @@ LAST_ONLY = "several counts of executions fit; the last execution is proven, the
 
 @dataclass(frozen=True, slots=True)
 class _Count:
-    """One count of executions: what the shadow can be before the last of them, and what that explains."""
+    """One count of executions: what the shadow can be before the last of them, and what that explains.
+
+    It is whole unless the shadow was lost on some way there, behind an unseen execution that can have left anything.
+    """
 
     executions: int
     before: Shadow
     found: Explanation
+    is_whole: bool
 
 
 def counted(
@@ -100,7 +104,7 @@ def counted(
         return again
     every = [each for each in _counts(loop, shadow, before, after, most) if each.executions >= least]
     fitting = [each for each in every if each.found.fits]
-    is_whole = most <= COUNT_MAX and all(each.before for each in every)
+    is_whole = most <= COUNT_MAX and all(each.is_whole for each in every)
     is_all_known = is_whole and is_known(loop, before, after)
     fresh = _fresh(loop, shadow, before, after)
     if len(fitting) == 1 and is_whole:
@@ -238,12 +242,14 @@ def _counts(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: i
     is_still = same_bits(early.pv, late.pv) and not changed_inputs(loop, before, after)
     # Behind k executions: all of them read the early values, or the last 1…k of them the late ones.
     all_early, switched = shadow, Shadow()
+    is_whole = True
     for executions in range(1, min(most, COUNT_MAX) + 1):
         reached = merged((*all_early, *switched))
         found = explain(loop, reached, variants, after.seen, names)
-        yield _Count(executions, reached, found)
+        yield _Count(executions, reached, found, is_whole and bool(reached))
         switched = () if is_still else advanced(loop, reached, late)
         all_early = advanced(loop, all_early, early)
+        is_whole = is_whole and bool(all_early and (is_still or switched))
 
 
 def is_known(loop: Loop, before: Picture, after: Picture) -> bool:
