@@ -523,12 +523,16 @@ def lingered(loop: Loop, shadow: Shadow, before: Picture, after: Picture, execut
 
 def restarted(shadow: Shadow) -> Shadow:
     """Add the possibility that the instruction has lost its history, as after a restart or a long gap."""
-    fresh = [
+    return merged([*shadow, *forgotten(shadow)])
+
+
+def forgotten(shadow: Shadow) -> Shadow:
+    """The same without history."""
+    return tuple(
         Bound(bound.low._replace(valid=False), bound.high._replace(valid=False))
         for bound in shadow
         if hasattr(bound.low, "valid")
-    ]
-    return merged([*shadow, *fresh])
+    )
 
 
 def began_anew(loop: Loop, before: Picture, after: Picture) -> bool:
@@ -537,10 +541,9 @@ def began_anew(loop: Loop, before: Picture, after: Picture) -> bool:
     So it is behind a restart that kept its registers; where nothing hidden can be recalled, nothing is told.
     """
     variants = input_variants(loop, before, after)
-    known = recalled(loop, variants, before.seen)
-    if not known or not hasattr(known[0].low, "valid"):
+    fresh = merged(forgotten(recalled(loop, variants, before.seen)))
+    if not fresh:
         return False
-    fresh = merged([Bound(each.low._replace(valid=False), each.high._replace(valid=False)) for each in known])
     return bool(explain(loop, fresh, variants, after.seen, judged_names(loop)).fits)
 
 
