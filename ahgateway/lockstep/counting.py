@@ -178,13 +178,16 @@ def led(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) 
 
 
 def _run(loop: Loop, bound: Bound, reads: tuple[Any, ...]) -> Fit:
-    """Executions that read this one after the other, from the low end of a bound that is as good as a state."""
-    state = bound.low
-    with quiet(all="ignore"):
-        for read in reads:
-            ts = loop.controller.ts(read, loop.dialect)
-            state, terms = loop.controller.step(read, state, loop.dialect, ts)
-    return Fit(reads[-1], Bound(bound.low, bound.low), Bound(state, state), terms, (), ts, reads[:-1])
+    """Executions that read this one after the other, from a bound that is as good as a state; terms of its low end."""
+    ends = []
+    for end in bound[:1] if bound.is_point else (bound.high, bound.low):
+        state = end
+        with quiet(all="ignore"):
+            for read in reads:
+                ts = loop.controller.ts(read, loop.dialect)
+                state, terms = loop.controller.step(read, state, loop.dialect, ts)
+        ends.append(state)
+    return Fit(reads[-1], bound, Bound(ends[-1], ends[0]), terms, (), ts, reads[:-1])
 
 
 def reproduced(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) -> list[Fit]:

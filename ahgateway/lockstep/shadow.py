@@ -36,8 +36,8 @@ BOUNDS_MAX = 48
 SETTLED_ULP = 1 << 16
 """A bound this narrow is as good as one state when it comes to causes; a fresh one spans all REALs."""
 
-NOTHING = 2.0**-32
-"""A content that is known to this share of MV is known, whatever gain it comes out with."""
+NOTHING = 2.0**-22
+"""A content that is known to this share of MV moves no more than its last bit."""
 
 UNBOUNDED = 1e20
 """No loop holds such a value."""
