@@ -104,6 +104,12 @@ def counted(
         return again
     every = [each for each in _counts(loop, shadow, before, after, most) if each.executions >= least]
     fitting = [each for each in every if each.found.fits]
+    if not fitting and not same_bits(before.seen["MOUT"], after.seen["MOUT"]):
+        # It was written behind the last of them.
+        every = [
+            each for each in _counts(loop, shadow, before, after, most, _but_mout(loop)) if each.executions >= least
+        ]
+        fitting = [each for each in every if each.found.fits]
     is_whole = most <= COUNT_MAX and all(each.is_whole for each in every)
     is_all_known = is_whole and is_known(loop, before, after)
     fresh = _fresh(loop, shadow, before, after)
@@ -233,13 +239,19 @@ def _just_before(loop: Loop, before: Picture, after: Picture) -> Picture | None:
 
 
 def explains(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) -> bool:
-    """Tell whether some number of executions leaves the words as they are."""
-    return any(each.found.fits for each in _counts(loop, shadow, before, after, most))
+    """Tell whether some number of executions leaves the words as they are, but for an MOUT that was written since."""
+    return any(each.found.fits for each in _counts(loop, shadow, before, after, most, _but_mout(loop)))
 
 
-def _counts(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) -> Iterator[_Count]:
-    """Run the shadow on, execution by execution, and see what each number of them explains."""
-    names = judged_names(loop)
+def _but_mout(loop: Loop) -> tuple[str, ...]:
+    return tuple(name for name in judged_names(loop) if name != "MOUT")
+
+
+def _counts(
+    loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int, words: tuple[str, ...] = ()
+) -> Iterator[_Count]:
+    """Run the shadow on, execution by execution, and see what each number of them explains, of these words or all."""
+    names = words or judged_names(loop)
     variants = input_variants(loop, before, after)
     early, late = before.inputs, after.inputs
     is_still = same_bits(early.pv, late.pv) and not changed_inputs(loop, before, after)

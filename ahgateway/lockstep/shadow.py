@@ -490,7 +490,8 @@ def _side(loop: Loop, inputs: Any, state: Any, seen: Mapping[str, REAL], names: 
         return 0
     if not same_bits(words["MV"], seen["MV"]):
         return -1 if words["MV"] < seen["MV"] else 1
-    if terms.flags & flag.BUMPLESS:
+    if terms.flags & (flag.BUMPLESS | flag.MANUAL):
+        # An integral that is set takes D off; in manual it may follow MV so.
         return -1 if words["I_MV"] > seen["I_MV"] else 1
     if terms.flags & flag.FREEZE_HI:
         return 1
