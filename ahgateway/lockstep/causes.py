@@ -146,16 +146,30 @@ class _Case:
         """
         other = twist(self.loop)
         if is_settled(self.fit.before):
-            state = self.fit.before.low
-            state = state._replace(form1=state.form1 ^ form) if form else state
-            with quiet(all="ignore"):
-                for read in (*self.fit.lead, self.fit.inputs):
-                    state, terms = other.controller.step(read, state, other.dialect, self.span(read, other.dialect))
-            return self.reproduces(predicted(self.controller, state, terms))
+            low = self._left(other, self.fit.before.low, form)
+            if self.fit.before.is_point or self.reproduces(low):
+                return self.reproduces(low)
+            # What lies between two ends so near leaves what lies between their words.
+            high = self._left(other, self.fit.before.high, form)
+            return all(is_between(self.seen[name], low[name], high[name]) for name in self.names)
         if other.controller.seen != self.controller.seen:
             # Another place for a word was not read as such: nothing can be said of it.
             return False
         return bool(explain(other, (self.fit.before,), [self.fit.inputs], self.seen, self.names).fits)
+
+    def _left(self, other: Loop, state: Any, form: int) -> dict[str, REAL]:
+        """The words that another law leaves, from one state."""
+        state = state._replace(form1=state.form1 ^ form) if form else state
+        with quiet(all="ignore"):
+            for read in (*self.fit.lead, self.fit.inputs):
+                state, terms = other.controller.step(read, state, other.dialect, self.span(read, other.dialect))
+        return predicted(self.controller, state, terms)
+
+
+def is_between(seen: REAL, one: REAL, other: REAL) -> bool:
+    """Tell whether a word lies between two others or is one of them."""
+    low, high = sorted((order(one), order(other)))
+    return low <= order(seen) <= high
 
 
 def blame(loop: Loop, fit: Fit, before: Picture, after: Picture, known: tuple[Suspect, ...] = ()) -> Blame:

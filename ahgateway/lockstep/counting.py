@@ -63,11 +63,15 @@ LAST_ONLY = "several counts of executions fit; the last execution is proven, the
 
 @dataclass(frozen=True, slots=True)
 class _Count:
-    """One count of executions: what the shadow can be before the last of them, and what that explains."""
+    """One count of executions: what the shadow can be before the last of them, and what that explains.
+
+    It is whole unless the shadow was lost on some way there, behind an unseen execution that can have left anything.
+    """
 
     executions: int
     before: Shadow
     found: Explanation
+    is_whole: bool
 
 
 def counted(
@@ -100,7 +104,13 @@ def counted(
         return again
     every = [each for each in _counts(loop, shadow, before, after, most) if each.executions >= least]
     fitting = [each for each in every if each.found.fits]
-    is_whole = most <= COUNT_MAX and all(each.before for each in every)
+    if not fitting and not same_bits(before.seen["MOUT"], after.seen["MOUT"]):
+        # It was written behind the last of them.
+        every = [
+            each for each in _counts(loop, shadow, before, after, most, _but_mout(loop)) if each.executions >= least
+        ]
+        fitting = [each for each in every if each.found.fits]
+    is_whole = most <= COUNT_MAX and all(each.is_whole for each in every)
     is_all_known = is_whole and is_known(loop, before, after)
     fresh = _fresh(loop, shadow, before, after)
     if len(fitting) == 1 and is_whole:
@@ -174,13 +184,16 @@ def led(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) 
 
 
 def _run(loop: Loop, bound: Bound, reads: tuple[Any, ...]) -> Fit:
-    """Executions that read this one after the other, from the low end of a bound that is as good as a state."""
-    state = bound.low
-    with quiet(all="ignore"):
-        for read in reads:
-            ts = loop.controller.ts(read, loop.dialect)
-            state, terms = loop.controller.step(read, state, loop.dialect, ts)
-    return Fit(reads[-1], Bound(bound.low, bound.low), Bound(state, state), terms, (), ts, reads[:-1])
+    """Executions that read this one after the other, from a bound that is as good as a state; terms of its low end."""
+    ends = []
+    for end in bound[:1] if bound.is_point else (bound.high, bound.low):
+        state = end
+        with quiet(all="ignore"):
+            for read in reads:
+                ts = loop.controller.ts(read, loop.dialect)
+                state, terms = loop.controller.step(read, state, loop.dialect, ts)
+        ends.append(state)
+    return Fit(reads[-1], bound, Bound(ends[-1], ends[0]), terms, (), ts, reads[:-1])
 
 
 def reproduced(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) -> list[Fit]:
@@ -226,24 +239,32 @@ def _just_before(loop: Loop, before: Picture, after: Picture) -> Picture | None:
 
 
 def explains(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) -> bool:
-    """Tell whether some number of executions leaves the words as they are."""
-    return any(each.found.fits for each in _counts(loop, shadow, before, after, most))
+    """Tell whether some number of executions leaves the words as they are, but for an MOUT that was written since."""
+    return any(each.found.fits for each in _counts(loop, shadow, before, after, most, _but_mout(loop)))
 
 
-def _counts(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) -> Iterator[_Count]:
-    """Run the shadow on, execution by execution, and see what each number of them explains."""
-    names = judged_names(loop)
+def _but_mout(loop: Loop) -> tuple[str, ...]:
+    return tuple(name for name in judged_names(loop) if name != "MOUT")
+
+
+def _counts(
+    loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int, words: tuple[str, ...] = ()
+) -> Iterator[_Count]:
+    """Run the shadow on, execution by execution, and see what each number of them explains, of these words or all."""
+    names = words or judged_names(loop)
     variants = input_variants(loop, before, after)
     early, late = before.inputs, after.inputs
     is_still = same_bits(early.pv, late.pv) and not changed_inputs(loop, before, after)
     # Behind k executions: all of them read the early values, or the last 1…k of them the late ones.
     all_early, switched = shadow, Shadow()
+    is_whole = True
     for executions in range(1, min(most, COUNT_MAX) + 1):
         reached = merged((*all_early, *switched))
         found = explain(loop, reached, variants, after.seen, names)
-        yield _Count(executions, reached, found)
+        yield _Count(executions, reached, found, is_whole and bool(reached))
         switched = () if is_still else advanced(loop, reached, late)
         all_early = advanced(loop, all_early, early)
+        is_whole = is_whole and bool(all_early and (is_still or switched))
 
 
 def is_known(loop: Loop, before: Picture, after: Picture) -> bool:

@@ -33,6 +33,7 @@ from ahgateway.lockstep.shadow import (
     Shadow,
     changed_inputs,
     explain,
+    forgotten,
     input_variants,
     judged_names,
     lingered,
@@ -161,6 +162,8 @@ class Follower:
         # An integral that runs on in manual follows a PV that nothing shows: that is no write either.
         if without_pv(self.loop, self._shadow, input_variants(self.loop, before, after), after.seen):
             return False
+        if self._inquiry.explains(before, after, self._executions_max(before, after)):
+            return False
         return not self._keeps_moving(before, after)
 
     def _keeps_moving(self, before: Picture, after: Picture) -> bool:
@@ -198,6 +201,7 @@ class Follower:
 
     def _execution(self, before: Picture, after: Picture) -> Execution:
         least, most = counts_between(before, after) or (1, self._executions_max(before, after))
+        self._pass_en(before)
         if is_at_changes(self.loop):
             # What changed no word made no picture, and whatever changes one ends the wait.
             most = 1
@@ -213,6 +217,13 @@ class Follower:
         self._quiet_since_ns = after.last_ns
         self._count(execution, after)
         return execution
+
+    def _pass_en(self, before: Picture) -> None:
+        """Where EN off forgets the history an execution behind it begins anew; a trigger is the contact itself."""
+        if getattr(self.loop.dialect, "en_on_history", 0) and (self.loop.way is Way.STEPPED or before.enabled is False):
+            change = forgotten if self.loop.way is Way.STEPPED else restarted
+            self._shadow = change(self._shadow)
+            self._inquiry.pass_on(change)
 
     def _count(self, execution: Execution, after: Picture) -> None:
         for _ in range(execution.count):

@@ -13,6 +13,7 @@ law and is counted instead. When nothing explains most of the divergences, the c
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -180,6 +181,14 @@ class Rival:
         """Go on through up to `most` executions that changed no word: what is hidden may have moved."""
         self._shadow = lingered(self._loop, self._shadow, before, after, most)
 
+    def explains(self, before: Picture, after: Picture, most: int) -> bool:
+        """Tell whether up to `most` executions by its law leave the words of the second picture."""
+        return bool(self._shadow and reproduced(self._loop, self._shadow, before, after, most))
+
+    def pass_on(self, change: Callable[[Shadow], Shadow]) -> None:
+        """Something happened to what the instruction remembers, whatever that is."""
+        self._shadow = change(self._shadow)
+
     def forget(self) -> None:
         """What it remembers is no longer known."""
         self._shadow = ()
@@ -246,6 +255,16 @@ class Inquiry:
         """No word changed between two pictures, in which there can have been so many executions."""
         for rival in self._rivals:
             rival.rests(before, after, most)
+
+    def explains(self, before: Picture, after: Picture, most: int) -> bool:
+        """Tell whether the likeliest cause, a law, leaves what stands behind up to so many executions."""
+        likely = self.suspects[0].key if self.suspects else None
+        return any(rival.suspect.key == likely and rival.explains(before, after, most) for rival in self._rivals)
+
+    def pass_on(self, change: Callable[[Shadow], Shadow]) -> None:
+        """Something happened to what the instruction remembers, whoever is right."""
+        for rival in self._rivals:
+            rival.pass_on(change)
 
     def forget(self) -> None:
         """Executions went by unseen: what the rivals remember is open."""

@@ -36,8 +36,8 @@ BOUNDS_MAX = 48
 SETTLED_ULP = 1 << 16
 """A bound this narrow is as good as one state when it comes to causes; a fresh one spans all REALs."""
 
-NOTHING = 2.0**-32
-"""A content that is known to this share of MV is known, whatever gain it comes out with."""
+NOTHING = 2.0**-22
+"""A content that is known to this share of MV moves no more than its last bit."""
 
 UNBOUNDED = 1e20
 """No loop holds such a value."""
@@ -496,7 +496,8 @@ def _side(loop: Loop, inputs: Any, state: Any, seen: Mapping[str, REAL], names: 
         return 0
     if not same_bits(words["MV"], seen["MV"]):
         return -1 if words["MV"] < seen["MV"] else 1
-    if terms.flags & flag.BUMPLESS:
+    if terms.flags & (flag.BUMPLESS | flag.MANUAL):
+        # An integral that is set takes D off; in manual it may follow MV so.
         return -1 if words["I_MV"] > seen["I_MV"] else 1
     if terms.flags & flag.FREEZE_HI:
         return 1
@@ -529,12 +530,16 @@ def lingered(loop: Loop, shadow: Shadow, before: Picture, after: Picture, execut
 
 def restarted(shadow: Shadow) -> Shadow:
     """Add the possibility that the instruction has lost its history, as after a restart or a long gap."""
-    fresh = [
+    return merged([*shadow, *forgotten(shadow)])
+
+
+def forgotten(shadow: Shadow) -> Shadow:
+    """The same without history."""
+    return tuple(
         Bound(bound.low._replace(valid=False), bound.high._replace(valid=False))
         for bound in shadow
         if hasattr(bound.low, "valid")
-    ]
-    return merged([*shadow, *fresh])
+    )
 
 
 def began_anew(loop: Loop, before: Picture, after: Picture) -> bool:
@@ -543,10 +548,9 @@ def began_anew(loop: Loop, before: Picture, after: Picture) -> bool:
     So it is behind a restart that kept its registers; where nothing hidden can be recalled, nothing is told.
     """
     variants = input_variants(loop, before, after)
-    known = recalled(loop, variants, before.seen)
-    if not known or not hasattr(known[0].low, "valid"):
+    fresh = merged(forgotten(recalled(loop, variants, before.seen)))
+    if not fresh:
         return False
-    fresh = merged([Bound(each.low._replace(valid=False), each.high._replace(valid=False)) for each in known])
     return bool(explain(loop, fresh, variants, after.seen, judged_names(loop)).fits)
 
 

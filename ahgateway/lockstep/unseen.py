@@ -9,9 +9,11 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from ahgateway.codec.station import Loop
 from ahgateway.core.dialect import Freeze
-from ahgateway.core.real import REAL, from_order, order, quiet
+from ahgateway.core.real import REAL, from_order, order, quiet, same_bits
 from ahgateway.lockstep import loose
 from ahgateway.lockstep.interval import intervals
 from ahgateway.lockstep.shadow import Bound, Fit, Shadow, first_for, merged, open_attr, open_terms, stepped, unrecorded
@@ -33,14 +35,22 @@ def advanced(loop: Loop, shadow: Shadow, inputs: Any) -> Shadow:
                 return ()
             for part in parts:
                 after, low_terms, high_terms = stepped(loop, inputs, part, ts)
-                # MV is not seen either. What reads it again is a transfer, of which `counted` claims nothing, and a
-                # limit that was reached, which is the same all through this part.
+                # MV is not seen either. What reads it again is a transfer from manual, where it was MOUT, and a limit
+                # that was reached, which is the same all through this part.
                 after = Bound(after.low, after.high._replace(mv=after.low.mv))
+                if not _is_one_real(after):
+                    return ()
                 fit = Fit(inputs, part, after, low_terms, open_terms(low_terms, high_terms), ts)
                 found.extend(each.after for each in unrecorded(loop, fit))
         if len(found) > ADVANCED_MAX:
             return ()
     return merged(found)
+
+
+def _is_one_real(bound: Bound) -> bool:
+    """Tell whether the ends differ in one REAL at most: an integral that was set from an open D goes along with it."""
+    pairs = zip(bound.low, bound.high, strict=True)
+    return sum(isinstance(low, np.floating) and not same_bits(low, high) for low, high in pairs) <= 1
 
 
 def _alike(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> list[Bound]:

@@ -43,7 +43,7 @@ GAINS: dict[str, dict[str, Any]] = {
 }
 
 STIR: dict[str, list[tuple[int, str, Any]]] = {
-    "dead-band-ignored": [(1, "ERR_DBW", 4.0), (60, "SV", 51.0)],
+    "dead-band-ignored": [(1, "ERR_DBW", 4.0), (60, "SV", 51.0), (120, "SV", 46.0)],
     "no-bumpless": [(2, "PID_MAN", True), (3, "MOUT", 35.0), (30, "PID_MAN", False)],
     "windup": [(2, "SV", 150.0), (100, "SV", 60.0)],
     "limits-before-sum": [(2, "MV_MAX", 55.0), (60, "SV", 80.0), (120, "SV", 40.0)],
