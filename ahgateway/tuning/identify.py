@@ -21,7 +21,7 @@ from ahgateway.tuning.fit import Fit, driven, fit, left_over
 from ahgateway.tuning.models import Kind
 from ahgateway.tuning.noise import Whiteness, noise, resolution, whiteness
 from ahgateway.tuning.record import Record, checked, even
-from ahgateway.tuning.timing import timed
+from ahgateway.tuning.timing import left_by_timing, timed
 from ahgateway.tuning.valve import backlash, stiction
 
 Array = NDArray[np.float64]
@@ -158,19 +158,28 @@ def _drift(record: Record, chosen: Fit) -> tuple[Finding, ...]:
 
 
 def _nonlinear(record: Record, chosen: Fit) -> tuple[Finding, ...]:
-    """Ask for a worn valve and for two gains; state the better of the two where it is surely better than neither."""
+    """Ask for a worn valve and for two gains; state the better of the two where it is surely better than neither.
+
+    A worn valve must explain more than what not knowing when MV moved can leave, too.
+    """
     kind, coloured = chosen.model.kind, chosen.noise_model is not None
     reach = float(np.ptp(record.mv))
     penalty = math.log(record.pv.size)
     best_bic = chosen.bic - SURE
+    excused = left_by_timing(record, chosen.model)
     best: tuple[Finding, ...] = ()
     for name, share, position in _worn(record, chosen):
         tried = fit(record, kind, noise=coloured, mv=position, near=chosen)
         bic = tried.bic + (2.0 if name == "backlash" else 1.0) * penalty
-        if bic < best_bic:
+        if bic < best_bic and max(_squares(chosen) - _squares(tried)) > excused:
             best_bic, best = bic, (_valve(name, share * reach, share, chosen.bic - bic),)
     two = _two_gains(record, chosen)
     return (two[1],) if two is not None and two[0] + penalty < best_bic else best
+
+
+def _squares(fit: Fit) -> Array:
+    """Sums of squares in PV² that a fit leaves: of its prediction errors, and of PV around what MV alone explains."""
+    return np.array([float(fit.residuals @ fit.residuals), fit.residuals.size * fit.spread**2])
 
 
 def _worn(record: Record, chosen: Fit) -> list[tuple[str, float, Array]]:
