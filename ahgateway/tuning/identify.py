@@ -101,8 +101,10 @@ def identify(raw: Record, kind: Kind | None = None) -> Identification:
     test = whiteness(chosen.residuals, 0 if chosen.noise_model is None else 2)
     findings = [*first, *checks.after(record, chosen, null_bic(record, chosen), test.p)]
     if not any(each.name == "stuck-valve" for each in findings):
-        findings += _drift(record, chosen)
-        findings += _nonlinear(record, chosen)
+        ramp = _ramp(record, chosen)
+        flat = ramp.simulated - ramp.moved
+        findings += checks.drift(chosen, ramp, float(flat[-1] - flat[flat.size // 10]))
+        findings += _nonlinear(record, chosen, ramp)
     return Identification(record, chosen, candidates, reason, test, size, step, tuple(findings))
 
 
@@ -148,24 +150,25 @@ def null_bic(record: Record, chosen: Fit) -> float:
     return best
 
 
-def _drift(record: Record, chosen: Fit) -> tuple[Finding, ...]:
-    """Ask whether a load that rises evenly explains PV better, by a first-order process at most."""
+def _ramp(record: Record, chosen: Fit) -> Fit:
+    """The same process with a load that rises evenly, of first order at most.
+
+    Its search starts anew: what a drift has bent may be far from the process.
+    """
     kind = Kind.FOPDT if chosen.model.kind is Kind.IPDT else chosen.model.kind
-    near = chosen if chosen.model.kind is kind else None
-    ramp = fit(record, kind, noise=chosen.noise_model is not None, load_ramp=True, near=near)
-    flat = ramp.simulated - ramp.moved
-    return checks.drift(chosen, ramp, float(flat[-1] - flat[flat.size // 10]))
+    return fit(record, kind, noise=chosen.noise_model is not None, load_ramp=True)
 
 
-def _nonlinear(record: Record, chosen: Fit) -> tuple[Finding, ...]:
+def _nonlinear(record: Record, chosen: Fit, ramp: Fit) -> tuple[Finding, ...]:
     """Ask for a worn valve and for two gains; state the better of the two where it is surely better than neither.
 
-    A worn valve must explain more than what not knowing when MV moved can leave, too.
+    Either must be surely better than a load that rises evenly, and a worn valve must explain more than what not knowing
+    when MV moved can leave.
     """
     kind, coloured = chosen.model.kind, chosen.noise_model is not None
     reach = float(np.ptp(record.mv))
     penalty = math.log(record.pv.size)
-    best_bic = chosen.bic - SURE
+    best_bic = min(chosen.bic, ramp.bic) - SURE
     excused = left_by_timing(record, chosen.model)
     best: tuple[Finding, ...] = ()
     for name, share, position in _worn(record, chosen):
