@@ -32,6 +32,8 @@ GAP_MIN = 5.0
 """A gap is a time between two samples that is this many times the usual one, in a record that is even otherwise."""
 GAP_MOVE = 0.2
 """Largest move of MV across a gap, as a share of its range; of PV it is a warning."""
+TIMING_MAX = 0.15
+"""Largest time within which each move of MV is known, as a share of the lag."""
 HELD_MIN = 0.5
 """Share of samples at which MV stands still that tells a person's moves from a controller's."""
 
@@ -171,6 +173,14 @@ def after(record: Record, fit: Fit, null_bic: float, white_p: float) -> tuple[Fi
             f"at least {LENGTH_MIN:g} times that is needed"
         )
         found.append(Finding("short", Weight.WARNING, text, "record until PV has settled"))
+    lag = 0.0 if model.kind is Kind.IPDT else model.slowness_s - model.dead_time_s
+    if record.timing_s > TIMING_MAX * lag > 0.0:
+        text = (
+            f"when MV moved is known to ± {record.timing_s:.2g} s only, beside a lag of {lag:.3g} s, which may be off"
+        )
+        found.append(
+            Finding("coarse-times", Weight.WARNING, text, "look more often: a quicker line, or fewer requests")
+        )
     if white_p < 0.01:
         text = f"the prediction errors are not white (p = {white_p:.2g}), so the intervals are too narrow"
         found.append(Finding("not-white", Weight.WARNING, text, "look at the plot: a disturbance, or a richer process"))

@@ -21,7 +21,7 @@ from ahgateway.tuning.fit import Fit, driven, fit, left_over
 from ahgateway.tuning.models import Kind
 from ahgateway.tuning.noise import Whiteness, noise, resolution, whiteness
 from ahgateway.tuning.record import Record, checked, even
-from ahgateway.tuning.timing import timed
+from ahgateway.tuning.timing import left_by_timing, timed
 from ahgateway.tuning.valve import backlash, stiction
 
 Array = NDArray[np.float64]
@@ -101,8 +101,10 @@ def identify(raw: Record, kind: Kind | None = None) -> Identification:
     test = whiteness(chosen.residuals, 0 if chosen.noise_model is None else 2)
     findings = [*first, *checks.after(record, chosen, null_bic(record, chosen), test.p)]
     if not any(each.name == "stuck-valve" for each in findings):
-        findings += _drift(record, chosen)
-        findings += _nonlinear(record, chosen)
+        ramp = _ramp(record, chosen)
+        flat = ramp.simulated - ramp.moved
+        findings += checks.drift(chosen, ramp, float(flat[-1] - flat[flat.size // 10]))
+        findings += _nonlinear(record, chosen, ramp)
     return Identification(record, chosen, candidates, reason, test, size, step, tuple(findings))
 
 
@@ -148,29 +150,39 @@ def null_bic(record: Record, chosen: Fit) -> float:
     return best
 
 
-def _drift(record: Record, chosen: Fit) -> tuple[Finding, ...]:
-    """Ask whether a load that rises evenly explains PV better, by a first-order process at most."""
+def _ramp(record: Record, chosen: Fit) -> Fit:
+    """The same process with a load that rises evenly, of first order at most.
+
+    Its search starts anew: what a drift has bent may be far from the process.
+    """
     kind = Kind.FOPDT if chosen.model.kind is Kind.IPDT else chosen.model.kind
-    near = chosen if chosen.model.kind is kind else None
-    ramp = fit(record, kind, noise=chosen.noise_model is not None, load_ramp=True, near=near)
-    flat = ramp.simulated - ramp.moved
-    return checks.drift(chosen, ramp, float(flat[-1] - flat[flat.size // 10]))
+    return fit(record, kind, noise=chosen.noise_model is not None, load_ramp=True)
 
 
-def _nonlinear(record: Record, chosen: Fit) -> tuple[Finding, ...]:
-    """Ask for a worn valve and for two gains; state the better of the two where it is surely better than neither."""
+def _nonlinear(record: Record, chosen: Fit, ramp: Fit) -> tuple[Finding, ...]:
+    """Ask for a worn valve and for two gains; state the better of the two where it is surely better than neither.
+
+    Either must be surely better than a load that rises evenly, and a worn valve must explain more than what not knowing
+    when MV moved can leave.
+    """
     kind, coloured = chosen.model.kind, chosen.noise_model is not None
     reach = float(np.ptp(record.mv))
     penalty = math.log(record.pv.size)
-    best_bic = chosen.bic - SURE
+    best_bic = min(chosen.bic, ramp.bic) - SURE
+    excused = left_by_timing(record, chosen.model)
     best: tuple[Finding, ...] = ()
     for name, share, position in _worn(record, chosen):
         tried = fit(record, kind, noise=coloured, mv=position, near=chosen)
         bic = tried.bic + (2.0 if name == "backlash" else 1.0) * penalty
-        if bic < best_bic:
+        if bic < best_bic and max(_squares(chosen) - _squares(tried)) > excused:
             best_bic, best = bic, (_valve(name, share * reach, share, chosen.bic - bic),)
     two = _two_gains(record, chosen)
     return (two[1],) if two is not None and two[0] + penalty < best_bic else best
+
+
+def _squares(fit: Fit) -> Array:
+    """Sums of squares in PV² that a fit leaves: of its prediction errors, and of PV around what MV alone explains."""
+    return np.array([float(fit.residuals @ fit.residuals), fit.residuals.size * fit.spread**2])
 
 
 def _worn(record: Record, chosen: Fit) -> list[tuple[str, float, Array]]:

@@ -50,6 +50,15 @@ def timed(record: Record, kind: Kind) -> Record:
     return found
 
 
+def left_by_timing(record: Record, model: Model) -> float:
+    """Return the sum of squares in PV² that is left when each move of MV is off by all that its time is unknown by."""
+    moves = np.diff(record.mv)
+    if record.timing_s <= 0.0 or not np.any(moves):
+        return 0.0
+    one = _later(model, record, 0, 1.0) * record.timing_s
+    return float(moves @ moves) * float(one @ one)
+
+
 def _later(model: Model, record: Record, place: int, move: float) -> Array:
     """What PV loses for each second that a move comes later."""
     pulse = np.zeros(record.t_s.size)

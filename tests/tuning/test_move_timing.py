@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 from tuning_data import answered
 
+from ahgateway.tuning.findings import Weight
 from ahgateway.tuning.fit import fit
+from ahgateway.tuning.identify import identify
 from ahgateway.tuning.models import Kind, Model
 from ahgateway.tuning.record import Record, even, polled
 from ahgateway.tuning.timing import timed
+from ahgateway.tuning.valve import backlash
 
 FIRST = Model(Kind.FOPDT, 1.5, 2.0, 8.0)
 
@@ -57,3 +60,16 @@ def test_moves_that_were_seen_late_or_at_once_are_told_apart_by_what_pv_does():
 def test_a_trace_whose_times_are_known_stays_as_it_is():
     made = answered(FIRST, np.repeat([40.0, 45.0, 40.0], 100))
     assert made is timed(made, Kind.FOPDT)
+
+
+@pytest.mark.parametrize(("play", "names"), [(0.0, []), (2.5, ["backlash"])])
+def test_a_slow_line_makes_no_worn_valve_of_a_good_one_and_still_finds_a_worn_one(play, names):
+    """MV is stepped at times between samples of 0.6 s, beside a lag of 1 s: the times are warned of."""
+    levels, fine_s = (42, 44, 46, 44, 42, 40, 38, 40, 43, 39, 40), 0.02
+    mv = np.full(5600, 40.0)
+    for index, level in enumerate(levels):
+        mv[400 + 400 * index + 7 * index**2 :] = level
+    made = answered(Model(Kind.FOPDT, 1.5, 0.2, 1.0), mv, position=backlash(mv, play), noise=0.02, ts_s=fine_s)
+    found = identify(polled(Record(*(each[::30] for each in (made.t_s, made.sv, made.pv, made.mv)))), Kind.FOPDT)
+    assert names == [each.name for each in found.findings if each.weight is Weight.REFUSED]
+    assert play or "coarse-times" in [each.name for each in found.findings]
