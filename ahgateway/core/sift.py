@@ -112,10 +112,11 @@ STACK = 1024
 def room_for(elements: int, fields: int, fallen: int) -> tuple[Room, Left]:
     """Make room for so many elements of states with so many fields, and for so many dialects that fell."""
     width = FIRST_ASKED + 1
-    pairs = [np.zeros((elements, fields)) for _ in range(6)]
-    many = [np.zeros((2 * elements, fields)) for _ in range(2)]
-    whole = [np.zeros((length, width), np.int64) for length in (STACK, STACK, fallen)]
-    return Room(whole[0], *pairs), Left(whole[1], *(np.zeros(STACK, np.int64) for _ in range(2)), *many, whole[2])
+    states = [np.zeros((elements, fields)) for _ in range(6)]
+    low, high = (np.zeros((2 * elements, fields)) for _ in range(2))
+    why, ends = (np.zeros(STACK, np.int64) for _ in range(2))
+    stack, rows, fell = (np.zeros((length, width), np.int64) for length in (STACK, STACK, fallen))
+    return Room(stack, *states), Left(rows, why, ends, low, high, fell)
 
 
 def sift(

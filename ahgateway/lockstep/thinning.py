@@ -272,7 +272,8 @@ def _is_proof(plain: Plain, dialect: Dialect, found: Reals) -> npt.NDArray[np.bo
     low, high = (np.array(column) for column in zip(*read, strict=True))
     before, behind, least, most = (_term(plain, dialect, i) for i in (plain.i0, plain.i1, found.min(1), found.max(1)))
     others = (-1.0 if dialect.direction else 1.0) * plain.kc.astype(np.float64) * plain.er + plain.bias
-    slack = NEAR * np.maximum.reduce([abs(others), abs(plain.bias), abs(before), abs(behind), abs(plain.mv)])
+    parts: Any = [abs(others), abs(plain.bias), abs(before), abs(behind), abs(plain.mv)]
+    slack = NEAR * np.maximum.reduce(parts)
     sums = [part for term in (before, least, most) for part in (others + term, plain.mv + (term - before))]
     is_calm = np.logical_and.reduce([(low + slack < each) & (each < high - slack) for each in sums])
     nearest = abs(_term(plain, dialect, found) - behind[:, None]).min(axis=1)
