@@ -1,7 +1,7 @@
 """Random dialects over all axes: does the search keep the true one, and is all else it keeps the same or named open?
 
 Run it as a program: `python tests/bench/bench_survivors.py [DIALECTS] [EXECUTIONS] [FIRST] [DPID|DPIDE|both]`: of each
-law so many dialects, 100 of 2 000 executions if nothing is said, the first with that seed. For each dialect the law makes
+law so many dialects, 100 of 2 000 executions if nothing is said, the first with that seed. For each the law makes
 a trace of ordinary excitation, and the search sees nothing but its words. A survivor that differs from the truth in an
 axis that is not open must give the same bits on another trace, which the search has not seen. It prints a line for each
 dialect and ends with 1 unless all hold: the true one is never lost, no survivor is wrong, and nine of ten searches look
