@@ -130,6 +130,7 @@ def _object(each: Learned) -> dict[str, Any]:
         "informative": found.informative,
         "survivors": len(found.survivors),
         "cut": found.is_cut,
+        "crowded": found.is_crowded,
         "exit": each.exit.name.lower(),
         "decided": each.decided() if found.is_named else {},
         "open": [
@@ -157,14 +158,8 @@ def _text(each: Learned) -> str:
     found, head = each.found, f"{each.loop.name} ({each.loop.controller.name})"
     if found.unexplained is not None:
         return "\n".join([f"{head}: no known dialect fits", *_unexplained(each)])
-    if not found.is_named or found.is_crowded:
-        hint = "watch longer, in automatic, between the limits, ERR_DBW 0, with Ki and some movement of SV or PV"
-        if each.loop.controller.begin is not None:
-            hint = f"watch longer; the block is {each.loop.controller.roles.starts}"
-        return (
-            f"{head}: too little to decide, {found.executions} executions were explained\n  hint: {hint}"
-            + _about_filter(each)
-        )
+    if not found.is_named:
+        return "\n".join([f"{head}: {_undecided(each)}", *_so_far(each), f"  hint: {_more(each)}"])
     lines = [f"{head}: {found.executions} executions explained by bits, {found.informative} of them informative"]
     lines += [f"  {name} = {value}" for name, value in each.decided().items()]
     lines += [
@@ -173,6 +168,31 @@ def _text(each: Learned) -> str:
     if found.is_cut:
         lines.append(f"  the search ran out of steps behind {found.executions} executions{_about_filter(each)}")
     return "\n".join([*lines, *_open(each)])
+
+
+def _undecided(each: Learned) -> str:
+    """Why nothing is named although nothing speaks against the family."""
+    found = each.found
+    if not found.is_crowded:
+        return f"too little to decide, {found.executions} executions were explained"
+    if found.executions:
+        fit = f"{len(found.survivors)} combinations explain the first {found.executions} executions"
+        return f"nothing is named, {fit}: more than can be followed"
+    return f"too little to decide, of {each.pictures} pictures {found.plain} show a plain execution, nothing is named"
+
+
+def _so_far(each: Learned) -> list[str]:
+    """What every combination that is left has in common; it is not saved."""
+    decided = each.decided() if each.found.executions else {}
+    return [f"  as far as that: {', '.join(f'{name} = {value}' for name, value in decided.items())}"] if decided else []
+
+
+def _more(each: Learned) -> str:
+    """What gives a search more to go by."""
+    if each.loop.controller.begin is not None:
+        return f"watch longer; the block is {each.loop.controller.roles.starts}"
+    wanted = "watch longer, in automatic, between the limits, ERR_DBW 0, with Ki and some movement of SV or PV"
+    return wanted + _about_filter(each)
 
 
 HEADS = {

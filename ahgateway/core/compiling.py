@@ -86,18 +86,25 @@ class Maker:
     Args:
         compiled: Compile them.
         asking: Let them ask their dialect.
-        names: What stands for these global names, wherever they are used.
+        label: Joins the name of every copy. What is kept between runs is linked by these names, and a copy of the same
+            name and types would be taken for this one: they must differ where what is copied does.
     """
 
-    def __init__(self, *, compiled: bool, asking: bool = False, names: Mapping[str, Any] | None = None) -> None:
+    def __init__(self, *, compiled: bool, asking: bool = False, label: str = "") -> None:
         self._compiled = compiled
         self._asking = asking
-        self._names = dict(names or {})
+        self._label = label
+        self._names: dict[str, Any] = {}
         self._made: dict[Any, Any] = {}
 
     def give(self, name: str, value: Any) -> None:
         """From now on this stands for a global name."""
         self._names[name] = value
+
+    def give_made(self, name: str, function: Any) -> None:
+        """From now on this function, which names nothing of the core, stands for a global name."""
+        function.__qualname__ = name + self._label
+        self._names[name] = njit(is_inner=True)(function) if self._compiled else function
 
     @property
     def made(self) -> tuple[Any, ...]:
@@ -117,6 +124,7 @@ class Maker:
             # Laws hand every argument on; a default dialect would be of another type.
             defaults = None if self._compiled else function.__defaults__
             copy = types.FunctionType(code, scope, function.__name__, defaults, function.__closure__)
+            copy.__qualname__ = function.__qualname__ + self._label
             self._made[function] = njit(is_inner=is_inner)(copy) if self._compiled else copy
         return self._made[function]
 

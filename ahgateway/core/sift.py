@@ -14,13 +14,14 @@ the clock down, by bisection too. The walk is compiled with the law, or interpre
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ahgateway.core import flags as flag
-from ahgateway.core.compiling import AXIS_COUNT, FIRST_ASKED, Maker, keep, njit
+from ahgateway.core.compiling import AXIS_COUNT, FIRST_ASKED, Maker, keep
 from ahgateway.core.controllers import Controller
 from ahgateway.core.controllers.delta_terms import is_rough, ticks_per_second
 from ahgateway.core.operands import Kind
@@ -112,10 +113,11 @@ STACK = 1024
 def room_for(elements: int, fields: int, fallen: int) -> tuple[Room, Left]:
     """Make room for so many elements of states with so many fields, and for so many dialects that fell."""
     width = FIRST_ASKED + 1
-    pairs = [np.zeros((elements, fields)) for _ in range(6)]
-    many = [np.zeros((2 * elements, fields)) for _ in range(2)]
-    whole = [np.zeros((length, width), np.int64) for length in (STACK, STACK, fallen)]
-    return Room(whole[0], *pairs), Left(whole[1], *(np.zeros(STACK, np.int64) for _ in range(2)), *many, whole[2])
+    states = [np.zeros((elements, fields)) for _ in range(6)]
+    low, high = (np.zeros((2 * elements, fields)) for _ in range(2))
+    why, ends = (np.zeros(STACK, np.int64) for _ in range(2))
+    stack, rows, fell = (np.zeros((length, width), np.int64) for length in (STACK, STACK, fallen))
+    return Room(stack, *states), Left(rows, why, ends, low, high, fell)
 
 
 def sift(
@@ -631,10 +633,12 @@ def sieve(controller: Controller, compiled: bool) -> Callable[..., Any]:
     """Return `sift` for the law of one controller, compiled or interpreted; made once."""
     key = (controller.name, controller.step, compiled)
     if key not in _SIEVES:
-        accessors = _access(controller, compiled)
-        if compiled:
-            accessors = {n: njit(is_inner=True)(made) if callable(made) else made for n, made in accessors.items()}
-        maker = Maker(compiled=compiled, asking=True, names=accessors)
+        code = controller.step.__code__
+        plain = [each for each in code.co_consts if isinstance(each, int | float | str)]
+        digest = hashlib.sha256(code.co_code + repr((code.co_names, plain)).encode()).hexdigest()[:8]
+        maker = Maker(compiled=compiled, asking=True, label=f"_{controller.name}_{digest}")
+        for name, made in _access(controller, compiled).items():
+            (maker.give_made if callable(made) else maker.give)(name, made)
         laws = {"step": controller.step, "law_ts": controller.law_ts, "nominal_ts": controller.nominal_ts}
         for name, law in laws.items():
             maker.give(name, maker.function(law))

@@ -117,10 +117,11 @@ class Candidate:
     pace: int = 1
 
     def state(self) -> Hashable:
-        """What it can have left hidden, as something to compare."""
+        """Where it is and what it can have left hidden, as something to compare."""
         if len(self.low) == 1:
-            return self.low.tobytes(), self.high.tobytes()
-        return frozenset((low.tobytes(), high.tobytes()) for low, high in zip(self.low, self.high, strict=True))
+            return self.at, self.low.tobytes(), self.high.tobytes()
+        rows = frozenset((low.tobytes(), high.tobytes()) for low, high in zip(self.low, self.high, strict=True))
+        return self.at, rows
 
     def shadow(self, loop: Loop) -> Shadow:
         """What it can have left hidden, as bounds."""
@@ -198,13 +199,16 @@ class Carrier:
         pairs: Pictures before and behind each execution.
         trace: The same as columns.
         compiled: Walk with the compiled law.
+        steps_max: How many executions all candidates may walk.
 
     Attributes:
         fallen_at: The last execution that made a candidate fall, -1 while none has fallen.
         walked: Executions walked so far, by all candidates.
     """
 
-    def __init__(self, loop: Loop, pairs: list[tuple[Picture, Picture]], trace: Trace, *, compiled: bool) -> None:
+    def __init__(
+        self, loop: Loop, pairs: list[tuple[Picture, Picture]], trace: Trace, *, compiled: bool, steps_max: int
+    ) -> None:
         self._loop = loop
         self._pairs = pairs
         self._trace = trace
@@ -220,13 +224,22 @@ class Carrier:
         self._fallen: list[tuple[Candidate, Rows]] = []
         self.fallen_at = -1
         self.walked = 0
+        self._steps_max = steps_max
 
-    def carried(self, candidate: Candidate, stop: int) -> list[Candidate]:
-        """Carry a candidate to an execution; it may have become several, or none."""
+    @property
+    def is_out_of_steps(self) -> bool:
+        """True when more was walked than may be: what is carried from then on is not to be relied on."""
+        return self.walked > self._steps_max
+
+    def carried(self, candidate: Candidate, stop: int, *, is_split: bool = False) -> list[Candidate]:
+        """Carry a candidate to an execution; it may have become several, or none.
+
+        What a question split is not begun anew when it is lost: most of it is one again then.
+        """
         waiting, done = [candidate], []
-        while waiting:
+        while waiting and not self.is_out_of_steps:
             one = waiting.pop()
-            if one.at >= stop:
+            if one.at >= stop or (is_split and not len(one.low)):
                 done.append(one)
             elif len(one.low):
                 waiting.extend(self._walked(one, stop))
@@ -275,7 +288,7 @@ class Carrier:
         _set_pace(came)
         self._falls(came, self._left.fell[:fell])
         split = self._taken(came, kept, stop)
-        while depth:
+        while depth and not self.is_out_of_steps:
             _, _, _, depth, kept, fell = self._sifted(at, at + 1, count, depth)
             split += self._taken(came, kept, stop)
         return self._rejoined(came, split, stop)
@@ -327,11 +340,9 @@ class Carrier:
         For how long depends on how rare such questions are: each of them costs all its values.
         """
         asked = {name for each in split for name in each.fixed} - one.fixed.keys()
-        split = joined(self._loop, split, asked)
         beyond = min(one.at + one.pace, stop)
-        if len(split) < 2 or all(each.at >= beyond for each in split):
-            return split
-        return joined(self._loop, [after for each in split for after in self.carried(each, beyond)], asked)
+        carried = [after for each in split for after in self.carried(each, beyond, is_split=True)]
+        return joined(self._loop, carried, asked)
 
 
 def _waiting(one: Candidate, wait: int, stop: int) -> Candidate:

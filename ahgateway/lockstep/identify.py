@@ -82,6 +82,7 @@ class Identification:
         is_crowded: Nothing is named: the trace has too few plain executions, automatic, between the limits, without
             dead band, to begin with; or more combinations fit up to `executions` than can be followed.
         is_cut: The search ran out of steps; what came after `executions` was not looked at.
+        plain: Plain executions that were found, where they were too few to begin with.
     """
 
     values: Mapping[str, tuple[int, ...]]
@@ -91,6 +92,7 @@ class Identification:
     unexplained: Unexplained | None = None
     is_crowded: bool = False
     is_cut: bool = False
+    plain: int = 0
 
     @property
     def is_named(self) -> bool:
@@ -132,28 +134,27 @@ def identify(
     has_kc = is_dependent(pairs)
     begun = [dict(fixed) for fixed in starts or ()]
     if starts is None:
-        begun, fell, _ = thinned(loop, pairs, follows)
+        begun, fell, plain = thinned(loop, pairs, follows)
         if fell is not None:
             return _none_integrates(loop, observations, *fell)
         if not begun:
-            return replace(_result(loop, [Candidate({})], has_kc), is_crowded=True)
+            return replace(_result(loop, [Candidate({})], has_kc), is_crowded=True, plain=plain)
     candidates = [Candidate(dict(fixed)) for fixed in begun]
     if compiled is None:
         is_filtered = any(getattr(before.inputs, "tf", 0) > 0 for before, _ in pairs)
         compiled = len(pairs) >= (FAST_FROM_FILTERED if is_filtered else FAST_FROM) and find_spec("numba") is not None
-    carrier = Carrier(loop, pairs, columns(loop, observations), compiled=compiled)
+    steps_max += STEPS_FREE * len(pairs)
+    carrier = Carrier(loop, pairs, columns(loop, observations), compiled=compiled, steps_max=steps_max)
     at = first_anchor(replace(loop, dialect=dialect_of(begun[0])), pairs, follows)
     for candidate in candidates:
         candidate.at = at
-    stretch, total = 1, steps_max + STEPS_FREE * len(pairs)
+    stretch = 1
     while at < len(pairs):
         stop = min(at + stretch, len(pairs))
-        left: list[Candidate] = []
-        for candidate in candidates:
-            with quiet(all="ignore"):
-                left.extend(carrier.carried(candidate, stop))
-            if carrier.walked > total:
-                return replace(_result(loop, candidates, has_kc), is_cut=True)
+        with quiet(all="ignore"):
+            left = [after for candidate in candidates for after in carrier.carried(candidate, stop)]
+        if carrier.is_out_of_steps:
+            return replace(_result(loop, candidates, has_kc), is_cut=True)
         if not left:
             return _none(loop, carrier, observations)
         at, candidates = stop, joined(loop, left)
@@ -204,9 +205,7 @@ def _none(loop: Loop, carrier: Carrier, observations: Sequence[Observation]) -> 
     return Identification(values, (), best.explained, best.informative, closest[1])
 
 
-def _none_integrates(
-    loop: Loop, observations: Sequence[Observation], number: int, fixed: Fixed
-) -> Identification:
+def _none_integrates(loop: Loop, observations: Sequence[Observation], number: int, fixed: Fixed) -> Identification:
     """Show the execution at which the last combination of the integral's axes fell, beside that one."""
     dialect, last = dialect_of(fixed), observations[number - 1]
     shadow = anchored(replace(loop, dialect=dialect), last.before, last.after)

@@ -94,9 +94,10 @@ def thinned(loop: Loop, pairs: Sequence[Pair], follows: Sequence[bool]) -> Thinn
         pairs: Pictures before and behind each execution.
         follows: Whether each execution follows the one before it in the trace.
     """
-    plain = _plain(loop, pairs, follows)
-    if plain is None:
-        return Thinned([], None, 0)
+    rows = _plain_rows(loop, pairs, follows)
+    if len(rows) < PLAIN_MIN:
+        return Thinned([], None, len(rows))
+    plain = _in_columns(rows)
     has_kc = is_dependent(pairs)
     integrating = plain.rows((plain.k > 0) & ((plain.kc > 0) | ~plain.dependent) & (plain.i1 != plain.i0))
     with quiet(all="ignore"):
@@ -137,10 +138,11 @@ def is_plain(loop: Loop, pair: Pair) -> bool:
     )
 
 
-def _plain(loop: Loop, pairs: Sequence[Pair], follows: Sequence[bool]) -> Plain | None:
+def _plain_rows(loop: Loop, pairs: Sequence[Pair], follows: Sequence[bool]) -> list[tuple[Any, ...]]:
+    """The plain executions that follow a plain one, `MOST` of them; none where the registers do not show enough."""
     names = [name for name in judged_names(loop) if name != "MOUT"]
     if not {"MV", "I_MV"} <= set(names) or loop.controller.law_ts is None:
-        return None
+        return []
     recorded = next(word.name for word in loop.controller.seen if word.attr == "pv1")
     rows: list[tuple[Any, ...]] = []
     was_plain = was_row = False
@@ -156,8 +158,10 @@ def _plain(loop: Loop, pairs: Sequence[Pair], follows: Sequence[bool]) -> Plain 
         was_plain = is_now
         if len(rows) >= MOST:
             break
-    if len(rows) < PLAIN_MIN:
-        return None
+    return rows
+
+
+def _in_columns(rows: list[tuple[Any, ...]]) -> Plain:
     columns = list(zip(*rows, strict=True))
     reals: Any = [np.array(column, dtype=np.float32) for column in columns[:11]]
     flags: Any = [np.array(columns[number]) for number in (11, 12, 14, 15, 16)]
@@ -264,19 +268,21 @@ def _first_missed(plain: Plain, dialect: Dialect, spans: Reals) -> int:
 def _is_proof(plain: Plain, dialect: Dialect, found: Reals) -> npt.NDArray[np.bool_]:
     """Executions of which I_MV must be among what was found, whatever the other axes are.
 
-    While MV lies between its limits, a limit can hold I_MV where it was, or compute it back from MV, which gives the
-    term before or behind within rounding. So those executions count in which the term is far from both, and those in
-    which no sum, with D or without, before the integral moved or behind, comes to a limit.
+    While MV lies between its limits, a limit can hold I_MV where it was, or compute it back from MV, which gives within
+    rounding the term before or behind, or what MV leaves beside P and BIAS. So those executions count in which the term
+    is far from these, and those in which no sum, with D or without, before the integral moved or behind, comes to a
+    limit.
     """
     read = [(float(each.mv_min), float(each.mv_max)) for each in plain.inputs]
     low, high = (np.array(column) for column in zip(*read, strict=True))
     before, behind, least, most = (_term(plain, dialect, i) for i in (plain.i0, plain.i1, found.min(1), found.max(1)))
     others = (-1.0 if dialect.direction else 1.0) * plain.kc.astype(np.float64) * plain.er + plain.bias
-    slack = NEAR * np.maximum.reduce([abs(others), abs(plain.bias), abs(before), abs(behind), abs(plain.mv)])
+    parts: Any = [abs(others), abs(plain.bias), abs(before), abs(behind), abs(plain.mv)]
+    slack = NEAR * np.maximum.reduce(parts)
     sums = [part for term in (before, least, most) for part in (others + term, plain.mv + (term - before))]
     is_calm = np.logical_and.reduce([(low + slack < each) & (each < high - slack) for each in sums])
     nearest = abs(_term(plain, dialect, found) - behind[:, None]).min(axis=1)
-    is_far = (nearest > slack) & (abs(behind - before) > slack)
+    is_far = (nearest > slack) & (abs(behind - before) > slack) & (abs(plain.mv - others - behind) > slack)
     return np.asarray(plain.steady & (plain.kc >= 0) & np.isfinite(plain.k) & np.isfinite(slack) & (is_calm | is_far))
 
 

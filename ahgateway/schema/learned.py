@@ -68,7 +68,9 @@ def with_dialect(
             notes.append(f"{loop}: if another firmware runs now, say so with --firmware and nothing earlier is kept")
     kept = {axis: value for axis, value in before.items() if value in possible.get(axis, (value,))}
     # What is a number is typed by a person; no run decides it.
-    earlier = {axis: dates[axis] for axis, value in kept.items() if isinstance(value, str) and decided.get(axis) != value}
+    earlier = {
+        axis: dates[axis] for axis, value in kept.items() if isinstance(value, str) and decided.get(axis) != value
+    }
     if earlier:
         fresh["earlier"] = earlier
         notes.insert(0, f"{loop}: kept from before, where this run says nothing else: {', '.join(earlier)}")

@@ -160,3 +160,28 @@ async def test_scans_longer_than_the_profile_allows_are_thought_of_before_no_dia
 
     assert 1 == found.exit_code, found.output
     assert "scan_ms_max = 10 ms; if scans can be longer, raise it" in found.output
+
+
+async def test_an_integral_that_no_dialect_has_is_said_to_fit_none_with_the_execution(tmp_path: Path) -> None:
+    run = Run(tmp_path / "foreign.ahrec", World("DPID", GAINS))
+    run.world.plc.fail("L1", "ki-1-percent")
+    await run.polls(160)
+    run.close()
+    found = RUNNER.invoke(app, ["identify", str(run.path)])
+
+    assert 1 == found.exit_code, found.output
+    assert "L1 (DPID): no known dialect fits" in found.output
+    assert "I_MV: plc" in found.output
+
+
+async def test_a_loop_that_is_not_seen_plain_is_said_to_be_undecided(tmp_path: Path) -> None:
+    run = Run(tmp_path / "manual.ahrec", World("DPID", GAINS | {"PID_MAN": True, "MOUT": 30.0}))
+    await run.polls(60)
+    run.close()
+    text, json_line = (RUNNER.invoke(app, ["identify", str(run.path), *more]) for more in ([], ["--output", "json"]))
+
+    assert 3 == text.exit_code, text.output
+    assert "L1 (DPID): too little to decide, of " in text.output
+    assert " pictures 0 show a plain execution, nothing is named" in text.output
+    assert "hint: watch longer, in automatic, between the limits, ERR_DBW 0" in text.output
+    assert {"crowded": True, "decided": {}, "exit": "inconclusive"}.items() <= json.loads(json_line.stdout).items()

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import types
 from pathlib import Path
+from typing import Any
 
 from ahgateway.cli.compiled_laws import keep
 from ahgateway.core.compiling import njit
+from ahgateway.core.controllers import CONTROLLERS
+from ahgateway.core.sift import sieve
 
 
 def added(x: int) -> int:
@@ -32,6 +35,25 @@ def test_a_law_is_read_again_and_another_one_is_not_taken_for_it(tmp_path: Path)
     assert (42, 0) == compiled(tmp_path, 1)
     assert (42, 1) == compiled(tmp_path, 1)
     assert (43, 0) == compiled(tmp_path, 2)
+
+
+def names(dispatcher: Any, found: dict[Any, str]) -> set[str]:
+    """Names of a compiled function and of all that it calls by a name of its own."""
+    function = getattr(dispatcher, "py_func", None)
+    if function is not None and function not in found:
+        found[function] = function.__qualname__
+        for name in function.__code__.co_names:
+            names(function.__globals__.get(name), found)
+    return set(found.values())
+
+
+def test_no_function_of_one_law_has_the_name_of_one_of_another() -> None:
+    """Kept forms of both are linked by these names: of two that are the same, one would be called for the other."""
+    dpid, dpide = (names(sieve(CONTROLLERS[name], True), {}) for name in ("DPID", "DPIDE"))
+
+    assert len(dpid) > 30
+    assert len(dpide) > 30
+    assert set() == dpid & dpide
 
 
 def test_a_damaged_file_costs_time_alone(tmp_path: Path) -> None:

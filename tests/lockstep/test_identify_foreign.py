@@ -143,8 +143,7 @@ FOREIGN: dict[str, Callable[[Step], Step]] = {
 }
 
 
-CASES = [("DPID", 5, 150), ("DPID", 8, 150)]
-"""A DPIDE, whose open filter takes far longer, is searched by `bench/bench_foreign.py`."""
+CASES = [("DPID", 5, 150), ("DPID", 8, 150), ("DPIDE", 5, 60)]
 
 
 @pytest.mark.parametrize(("name", "seed", "executions"), CASES)
@@ -161,7 +160,7 @@ def test_arithmetic_outside_the_family_is_not_named(foreign: str, name: str, see
     assert {"e", "p", "i", "d", "raw"} <= set(found.unexplained.terms._fields)
 
 
-@pytest.mark.parametrize(("name", "seed", "executions"), [*CASES, ("DPIDE", 5, 60)])
+@pytest.mark.parametrize(("name", "seed", "executions"), CASES)
 def test_each_of_them_gives_other_bits_than_the_law(name: str, seed: int, executions: int) -> None:
     def words(step: Step | None) -> list[dict[str, Any]]:
         return [dict(each.after.seen) for each in trace(name, DEFAULT, seed, executions, step)]

@@ -12,15 +12,21 @@ import pytest
 from dialects import random_dialect
 from lockstep.dialect_traces import loop_of, told, trace
 
-from ahgateway.core.dialect import AXES, Dialect
+from ahgateway.core.dialect import AXES, Dialect, Integrator, TsUnit
+from ahgateway.lockstep import thinning
 from ahgateway.lockstep.identify import Identification, identify
 
 pytestmark = pytest.mark.timeout(600)
 """Compiling takes half a minute of a free core, and a block of dialects about as long."""
 
-SEEDS = 10
 NOT_IN_A_TRACE = ("pv_word", "ts_source")
 """Where PV stands is found before the search; clocks have a test of their own."""
+
+BLOCKS = [("DPID", range(10), 1900), ("DPID", range(10, 20), 1900), ("DPIDE", range(3, 9), 1500)]
+"""How many executions of each are explained on average at least: where a filter cannot be followed, some are not.
+
+100 dialects of each law, clocks included, are searched by `bench/bench_survivors.py`.
+"""
 
 
 def lost(found: Identification, dialect: Dialect) -> set[str]:
@@ -40,21 +46,38 @@ def wrong_and_closed(name: str, found: Identification, dialect: Dialect) -> list
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["DPID"])
-@pytest.mark.parametrize("block", range(4))
-def test_the_true_dialect_survives_two_thousand_executions(name: str, block: int) -> None:
-    """Four blocks of ten dialects."""
-    explained = 0
-    for seed in range(SEEDS * block, SEEDS * (block + 1)):
+@pytest.mark.parametrize(("name", "seeds", "least"), BLOCKS)
+def test_the_true_dialect_survives_two_thousand_executions(name: str, seeds: range, least: int) -> None:
+    explained = refused = 0
+    for seed in seeds:
         dialect = told(name, random_dialect(seed, without=NOT_IN_A_TRACE))
         found = identify(loop_of(name), trace(name, dialect, seed, 2000), compiled=True)
-        if found.is_crowded:
+        if dialect.integrator is Integrator.DVP and dialect.ts_unit is not TsUnit.SECONDS and not found.is_named:
+            # Times a number of counts at each execution, its integral drives MV to a limit for good: nothing is plain.
+            assert found.plain < thinning.PLAIN_MIN, seed
+            refused += 1
             continue
-        assert found.unexplained is None, seed
+        assert found.is_named, seed
         assert set() == lost(found, dialect), seed
         assert [] == wrong_and_closed(name, found, dialect), seed
         explained += found.executions
-    assert explained > 8 * 1900
+    assert refused <= 1
+    assert explained > least * (len(seeds) - refused)
+
+
+@pytest.mark.parametrize("name", ["DPID", "DPIDE"])
+def test_what_is_proof_that_no_way_to_integrate_fits_never_speaks_against_the_true_one(
+    name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where the first pass leaves nothing, by an accuracy that no way can have, the strict one still lets it stand."""
+    monkeypatch.setattr(thinning, "SHARE_MIN", 2.0)
+    for seed in range(40, 60):
+        dialect = told(name, random_dialect(seed, without=NOT_IN_A_TRACE))
+        observations = trace(name, dialect, seed, 250)
+        pairs = [(each.before, each.after) for each in observations]
+        found = thinning.thinned(loop_of(name), pairs, [each.is_next for each in observations])
+
+        assert ([], None) == (found.left, found.fell), seed
 
 
 @pytest.mark.parametrize("name", ["DPID"])
