@@ -37,7 +37,7 @@ def main() -> int:
     wanted, started = set(sys.argv[1:]), time.process_time()
     total = right = 0
     for name, advice, value in every():
-        if wanted and advice.axis not in wanted:
+        if wanted and advice.axis not in wanted and name not in wanted:
             continue
         shown, is_right = outcome(name, advice, value)
         total, right = total + 1, right + is_right
