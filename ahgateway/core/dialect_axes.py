@@ -40,6 +40,19 @@ class Axis:
         """Tell whether an instruction has this question at all."""
         return self.instructions in ("both", instruction)
 
+    def unseen(self) -> tuple[str, ...]:
+        """Say where its values cannot be told apart, a phrase for each."""
+        found = []
+        for rule in self.alike:
+            own = " and ".join(value_name(self.name, value) for value in rule.own) or "all values"
+            held = " and ".join(
+                f"{name} = {' or '.join(value_name(name, value) for value in values)}"
+                for name, values in rule.given.items()
+                if not rule.instruction or BY_NAME[name].concerns(rule.instruction)
+            )
+            found.append(f"{own} are the same{' on a ' + rule.instruction if rule.instruction else ''} with {held}")
+        return tuple(found)
+
 
 def _axis(name: str, question: str, values: tuple[str, ...], instructions: str, group: str) -> Axis:
     """One row of the table, with what tells its values apart."""

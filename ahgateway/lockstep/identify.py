@@ -24,6 +24,7 @@ from ahgateway.core.dialect_axes import Axis
 from ahgateway.core.real import REAL, order, same_bits
 from ahgateway.lockstep.anchor import first_anchor
 from ahgateway.lockstep.candidates import SAME_ON_DPID, Candidate, Carrier, Fixed, dialect_of, joined, values_of
+from ahgateway.lockstep.crossings import taken
 from ahgateway.lockstep.picture import predicted
 from ahgateway.lockstep.shadow import explain, input_variants, judged_names
 from ahgateway.lockstep.thinning import is_dependent, thinned
@@ -117,6 +118,7 @@ def identify(
     steps_max: int = STEPS_MAX,
     compiled: bool | None = None,
     starts: Sequence[Fixed] | None = None,
+    known: Fixed | None = None,
 ) -> Identification:
     """Eliminate the dialects that a trace contradicts.
 
@@ -126,9 +128,10 @@ def identify(
         steps_max: How many executions all candidates may walk, beside `STEPS_FREE` for each of the trace.
         compiled: Compile the law, which decides the same; None: where numba is installed and the trace is long.
         starts: Partial dialects to begin with; None: those that a first pass over the trace leaves.
+        known: Axes that something else than the words has told.
     """
     pairs = [(each.before, each.after) for each in observations]
-    begun = thinned(loop, pairs) if starts is None else [dict(fixed) for fixed in starts]
+    begun = taken(thinned(loop, pairs) if starts is None else starts, known or {})
     has_kc = is_dependent(pairs)
     candidates = [Candidate(dict(fixed)) for fixed in begun]
     if starts is None and not any(begun):

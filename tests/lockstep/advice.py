@@ -15,6 +15,7 @@ from lockstep.bench_world import World
 from ahgateway.apps.identify import Learned, learn
 from ahgateway.codec.station import PlantSpec
 from ahgateway.core.dialect import AXES, DEFAULT
+from ahgateway.core.dialect_axes import BY_NAME
 from ahgateway.lockstep.candidates import SAME_ON_DPID
 from ahgateway.lockstep.picture import Picture
 
@@ -38,9 +39,10 @@ class Advice:
 
     Attributes:
         axis: Name of the axis.
-        moves: `(operand, value)`, `("PV", value)` at the sensor, `("near", value)` the same with a digit that moves,
-            `("EN", on)`, `("STOP",)`, `("RUN",)`, `("wait", polls)` or `("execution",)`, which waits until one has
-            just been, one after the other; several in a tuple at once.
+        moves: One after the other: `(operand, value)`; of the sensor `("PV", value)`, `("near", value)` with a last
+            digit that goes on moving, `("once", value)` for just one execution, `("flick", there, back)` between two
+            executions; `("EN", on)`, `("STOP",)`, `("RUN",)`; `("wait", polls)`, and `("execution",)`, which waits
+            until one has been; several in a tuple are done at once.
         before: What the loop has at the start, beside `PLAIN`.
         world: What the fake PLC is given, beside the usual.
         values: The values that are walked, all of them where None.
@@ -102,7 +104,7 @@ EITHER: tuple[Advice, ...] = (
     ),
     Advice(
         "limited_output",
-        (*INTO_A_LIMIT, ("SV", 50.0), ("K", 0.0), ("wait", 8), ("MV_MAX", 60.0), ("I", 2.9), ("SV", 90.0), ("wait", 80)),
+        (*INTO_A_LIMIT, ("SV", 50.0), ("K", 0.0), ("MV_MAX", 60.0), ("I", 2.9), ("SV", 90.0), ("wait", 80)),
     ),
     Advice("limits", (("MV_MIN", 60.0), ("MV_MAX", 20.0), ("wait", 16))),
     Advice("clamped", (("K", -1.0), ("wait", 8), ("K", 1.3))),
@@ -112,7 +114,7 @@ EITHER: tuple[Advice, ...] = (
     Advice("run_off_scan", (("execution",), ("PID_RUN", False), ("wait", 52), ("PID_RUN", True)), world=SLOW),
     Advice(
         "run_on",
-        (("execution",), ("PID_RUN", False), ("wait", 44), ("execution",), ("wait", 5), ("PID_RUN", True), ("wait", 65)),
+        (("execution",), ("PID_RUN", False), ("wait", 70), ("PID_RUN", True), ("wait", 65)),
         world=SLOW,
     ),
     Advice(
@@ -167,33 +169,31 @@ BAND: tuple[Move, ...] = (
 CROSS_BAND: tuple[Move, ...] = (
     ("near", 40.0), ("ERR_DBW", 6.0), ("near", 46.0), ("near", 47.0), ("near", 51.0), ("near", 52.0), ("near", 58.0),
 )  # fmt: skip
+FLICK: tuple[Move, ...] = (
+    ("near", 40.0), ("near", 46.0), ("near", 47.0), ("flick", 51.0, 47.5), ("near", 48.0), ("near", 48.5),
+)  # fmt: skip
+"""PV passes SV and comes back between two executions."""
 CROSSED: tuple[Move, ...] = (("near", 40.0), ("near", 46.0), ("near", 52.0))
 """PV enters the band from below and passes SV = 50."""
+ON_AND_OFF: tuple[Move, ...] = (("PID_MAN", True), ("PID_MAN", False), ("near", 52.5))
 
 OF_DPID: tuple[Advice, ...] = (
     Advice("integral_store", values=(0, 1)),
     Advice("band", BAND),
-    Advice("band_edge", (*BAND, ("near", 54.0), ("PV", 47.0), ("near", 46.0))),
+    Advice("band_edge", (*BAND, ("near", 54.0), ("once", 47.0), ("near", 46.0))),
     Advice("derivative_of", (("D", 0.11), ("wait", 12), ("SV", 53.0))),
     Advice("transfer_2", (("PID_MODE", 2), *MANUAL)),
 )
 
 OF_DPIDE: tuple[Advice, ...] = (
-    Advice("cross_band", CROSS_BAND),
-    Advice("cross_edge", (*CROSS_BAND, *CROSSED, ("PV", 56.0), ("near", 57.0))),
-    Advice("cross_touch", (*CROSS_BAND, *CROSSED[:2], ("PV", 50.0), ("near", 48.0), ("near", 47.0))),
-    Advice("cross_manual", (*MANUAL, *CROSS_BAND, *CROSSED, ("PID_MAN", True), ("PID_MAN", False), ("near", 52.5))),
-    Advice("cross_d", (("D", 0.11), *CROSS_BAND, *CROSSED, ("near", 51.0), ("near", 58.0))),
-    Advice("cross_jump", (*CROSS_BAND, ("near", 42.0), ("SV", 38.0), ("near", 43.0))),
-    Advice("cross_sv", (*CROSS_BAND, *CROSSED, ("SV", 50.5), ("near", 53.0))),
-    Advice(
-        "cross_scan",
-        (
-            ("near", 40.0), ("ERR_DBW", 6.0), *(("near", 44.0),) * 8, ("near", 46.0), ("execution",), ("near", 51.0),
-            *(("near", 49.0),) * 8,
-        ),
-        world=SLOW,
-    ),
+    Advice("cross_band", (*CROSS_BAND, *FLICK)),
+    Advice("cross_edge", (*CROSS_BAND, *FLICK, *CROSSED, ("once", 56.0), ("near", 57.0))),
+    Advice("cross_touch", (*CROSS_BAND, *FLICK, *CROSSED[:2], ("once", 50.0), ("near", 48.0), ("near", 47.0))),
+    Advice("cross_manual", (*MANUAL, ("SV", 50.0), *CROSS_BAND, *FLICK, *CROSSED, *ON_AND_OFF)),
+    Advice("cross_d", (("D", 0.11), *CROSS_BAND, *FLICK, *CROSSED, ("near", 51.0), ("near", 58.0))),
+    Advice("cross_jump", (*CROSS_BAND, *FLICK, ("near", 42.0), ("SV", 38.0), ("near", 43.0))),
+    Advice("cross_sv", (*CROSS_BAND, *FLICK, *CROSSED, ("SV", 50.5), ("near", 53.0))),
+    Advice("cross_scan", (("ERR_DBW", 6.0), *FLICK)),
     Advice("ratio", (("PID_EQ", True), ("I", 0.9), *SWINGS)),
     Advice("dependent_sum", (("PID_EQ", True), ("I", 2.7), ("wait", 40))),
     Advice("integral_store", (("wait", 30),), before=DEPENDENT),
@@ -223,10 +223,27 @@ def every() -> Iterator[tuple[str, Advice, int]]:
                     yield name, advice, value
 
 
+def alike(name: str, advice: Advice, value: int) -> tuple[int, ...]:
+    """Every value of the axis that leaves the same bits as this one in the dialect that is walked."""
+    if value in advice.left:
+        return advice.left[value]
+    dialect = _dialect(advice, value)
+    for rule in BY_NAME[advice.axis].alike:
+        given = {axis: values for axis, values in rule.given.items() if BY_NAME[axis].concerns(name)}
+        if rule.instruction in ("", name) and all(getattr(dialect, axis) in values for axis, values in given.items()):
+            if not rule.own or value in rule.own:
+                return tuple(int(each) for each in rule.own or AXES[advice.axis])
+    return (value,)
+
+
+def _dialect(advice: Advice, value: int) -> Any:
+    beside: Any = {axis: AXES[axis](held) for axis, held in advice.beside.items()}
+    return DEFAULT._replace(**{**beside, advice.axis: AXES[advice.axis](value)})
+
+
 async def walked(name: str, advice: Advice, value: int, *, is_taken: bool = True) -> Learned:
     """Let the loop run, take the advice or go on without it, and learn from every picture."""
-    dialect: Any = DEFAULT._replace(**{each: AXES[each](held) for each, held in advice.beside.items()})
-    dialect = dialect._replace(**{advice.axis: AXES[advice.axis](value)})
+    dialect = _dialect(advice, value)
     settings = {"cycle_ms": 100, "poll_ms": 25, "scan_ms": 5, **advice.world}
     start = {GAINS[name].get(key, key): held for key, held in {**PLAIN, **advice.before}.items()}
     world = World(
@@ -248,27 +265,34 @@ async def walked(name: str, advice: Advice, value: int, *, is_taken: bool = True
 
 async def _watched(world: World, pictures: list[Picture], polls: int) -> None:
     for _ in range(polls):
+        if world.near is not None:
+            world.near += 0.01
+            world.plc.write("L1", "PV", world.near)
         world.clock.advance_ns(world.poll_ns)
         pictures.extend(each for each in await world.sampler.pictures() if isinstance(each, Picture))
 
 
 async def _moved(world: World, name: str, move: Move, pictures: list[Picture]) -> None:
-    if move[0] == "wait":
+    what = move[0]
+    if what == "wait":
         await _watched(world, pictures, move[1])
-        return
-    if move[0] == "execution":
+    elif what == "execution":
         count = world.plc.executed("L1")
         while world.plc.executed("L1") == count:
             await _watched(world, pictures, 1)
-        return
-    if move[0] == "near":
-        for poll in range(POLLS):
-            _done(world, name, ("PV", move[1] + 0.02 * (poll % 3 - 1)))
-            await _watched(world, pictures, 1)
-        return
-    for each in move if isinstance(move[0], tuple) else (move,):
-        _done(world, name, each)
-    await _watched(world, pictures, POLLS)
+    elif what == "once":
+        for each in (("execution",), (("PV", move[1]),), ("execution",), ("near", move[1])):
+            await _moved(world, name, each, pictures)
+    elif what == "flick":
+        await _moved(world, name, ("execution",), pictures)
+        for pv, polls in ((move[1], 2), (move[2], 1)):
+            _done(world, name, ("near", pv))
+            await _watched(world, pictures, polls)
+        await _watched(world, pictures, POLLS)
+    else:
+        for each in move if isinstance(what, tuple) else (move,):
+            _done(world, name, each)
+        await _watched(world, pictures, 0 if isinstance(what, tuple) and len(move) == 1 else POLLS)
 
 
 def _done(world: World, name: str, move: Move) -> None:
@@ -279,9 +303,10 @@ def _done(world: World, name: str, move: Move) -> None:
         world.plc.run()
     elif what == "EN":
         _en(world, rest[0])
-    elif what == "PV":
+    elif what in ("PV", "near"):
         world.plc.freeze_pv("L1")
         world.plc.write("L1", "PV", rest[0])
+        world.near = rest[0] if what == "near" else None
     elif what == "CYCLE":
         world.plc.write("L1", "CYCLE", round(rest[0] * (100 if name == "DPID" else 1000)))
     elif GAINS[name].get(what, what) in {row.name for row in world.loop.controller.operands}:
