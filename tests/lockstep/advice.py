@@ -230,9 +230,9 @@ def alike(name: str, advice: Advice, value: int) -> tuple[int, ...]:
     dialect = _dialect(advice, value)
     for rule in BY_NAME[advice.axis].alike:
         given = {axis: values for axis, values in rule.given.items() if BY_NAME[axis].concerns(name)}
-        if rule.instruction in ("", name) and all(getattr(dialect, axis) in values for axis, values in given.items()):
-            if not rule.own or value in rule.own:
-                return tuple(int(each) for each in rule.own or AXES[advice.axis])
+        is_met = rule.instruction in ("", name) and all(getattr(dialect, axis) in held for axis, held in given.items())
+        if is_met and (not rule.own or value in rule.own):
+            return tuple(int(each) for each in rule.own or AXES[advice.axis])
     return (value,)
 
 
