@@ -165,7 +165,9 @@ MOVES: dict[str, Move] = {
         "PID_EQ on, a short odd Ti_Ki such as 0.9: three odd steps of SV up and down, 6 CYCLEs each, so that I_MV "
         "swings through 0"
     ),
-    "dependent_sum": Move("PID_EQ on and a Kc_Kp such as 1.3, no power of 2; 10 executions with SV - PV not 0"),
+    "dependent_sum": Move(
+        "PID_EQ on, a Kc_Kp such as 1.3, no power of 2, and Td_Kd above 0: a dozen odd steps of SV, 2 CYCLEs apart"
+    ),
     "derivative_of": Move("automatic, the D gain above 0: step SV, 2 CYCLEs"),
     "derivative_product": Move(
         "automatic, an odd D gain: a dozen odd steps of SV, 2 CYCLEs apart, each so large that D is about as large "
@@ -214,7 +216,7 @@ MOVES: dict[str, Move] = {
     "limits": Move("automatic, MV at rest: write an MV_MAX that is below MV_MIN, 4 CYCLEs; it moves MV"),
     "clamped": Move("on a bench: a gain of -1 or a CYCLE of 0, for 2 CYCLEs"),
     "ki_off": Move("automatic, I_MV not 0: the I gain to 0 for 4 CYCLEs and back; MV jumps"),
-    "kc_off": Move("PID_EQ on, I_MV not 0: Kc_Kp = 0 for 3 CYCLEs and back; MV jumps"),
+    "kc_off": Move("PID_EQ on, I_MV not 0: Kc_Kp = 0 for 3 CYCLEs and back; MV jumps", after=("ki_off",)),
     "run_off_history": Move(
         "the D gain above 0, PV moving: PID_RUN off for 4 CYCLEs and on again; `kept` and first_history = stale do "
         "the same here, so that both may stay open together",
