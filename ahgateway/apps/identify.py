@@ -11,8 +11,10 @@ from ahgateway.apps.monitor import Report, Sample
 from ahgateway.codec.station import Loop, Station
 from ahgateway.core.controllers.block_axes import axes_of
 from ahgateway.core.dialect import PvWord
+from ahgateway.core.dialect_axes import BY_NAME, Axis
+from ahgateway.core.dialect_moves import spoken
 from ahgateway.core.verdict import Exit
-from ahgateway.lockstep import moments, restarts, written_back
+from ahgateway.lockstep import crossings, moments, restarts, written_back
 from ahgateway.lockstep.candidates import values_of
 from ahgateway.lockstep.identify import Identification, identify, observed
 from ahgateway.lockstep.identify_calls import identify_calls
@@ -29,6 +31,8 @@ class Open(NamedTuple):
         values: What is left, as a profile spells it.
         is_narrowed: The trace excluded some of its values, so that the loop as it runs depends on it.
         excitation: What an operator can do to tell them apart.
+        after: Axes that are open too and have to be decided before.
+        unseen: Where what is left cannot be told apart, whatever an operator does; "" where it can.
     """
 
     axis: str
@@ -36,6 +40,8 @@ class Open(NamedTuple):
     values: tuple[str, ...]
     is_narrowed: bool
     excitation: str
+    after: tuple[str, ...] = ()
+    unseen: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,20 +99,36 @@ class Learned:
         return self.loop.controller.axes[axis](value).name.lower()
 
     def open(self) -> list[Open]:
-        """Axes left open, those first of which the trace excluded some value."""
+        """Axes left open: those first of which the trace excluded some value, and what waits for others behind them."""
         decided = self.found.decided().keys() | self.decided().keys()
+        axes = [axis for axis in self.found.open_axes(self.loop.controller.name) if axis.name not in decided]
+        names = {axis.name for axis in axes}
         found = [
             Open(
                 axis.name,
                 axis.group,
                 tuple(self._spelled(axis.name, value) for value in self.found.values[axis.name]),
                 len(self.found.values[axis.name]) < len(values_of(self.loop, {}, axis.name)),
-                axis.excitation,
+                spoken(axis.excitation, self.loop.controller.name),
+                tuple(name for name in axis.after if name in names),
+                self._unseen(axis),
             )
-            for axis in self.found.open_axes(self.loop.controller.name)
-            if axis.name not in decided
+            for axis in axes
         ]
-        return sorted(found, key=lambda each: not each.is_narrowed)
+        return sorted(found, key=lambda each: (bool(each.unseen), not each.is_narrowed, len(each.after)))
+
+    def _unseen(self, axis: Axis) -> str:
+        """Say with which value of another axis all that is left of this one leaves the same bits."""
+        name = self.loop.controller.name
+        left, values = set(self.found.values[axis.name]), self.found.values
+        for rule in axis.alike:
+            given = {other: held for other, held in rule.given.items() if BY_NAME[other].concerns(name)}
+            is_met = all(set(values[other]) <= set(held) for other, held in given.items())
+            if is_met and rule.instruction in ("", name) and (not rule.own or left <= set(rule.own)):
+                return ", ".join(
+                    f"{other} = {' or '.join(self._spelled(other, each) for each in values[other])}" for other in given
+                )
+        return ""
 
 
 def collected(reports: Iterable[Report]) -> dict[str, list[Picture]]:
@@ -131,7 +153,7 @@ def _learned(loop: Loop, pictures: list[Picture]) -> Learned:
     # What the profile says of that word may be another firmware's.
     loop = replace(loop, dialect=loop.dialect._replace(pv_word=PvWord.MANUAL))
     placed, shown = pv_placed(loop, pictures)
-    found = _narrowed(placed, identify(placed, observed(shown, placed)), shown)
+    found = _narrowed(placed, identify(placed, observed(shown, placed), known=crossings.told(placed, shown)), shown)
     return Learned(placed, found, len(pictures), followed(placed, shown))
 
 

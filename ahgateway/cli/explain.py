@@ -65,6 +65,8 @@ def _one(what: str) -> dict[str, Any]:
         "values": values,
         "default": next(iter(values)),
         "excitation": axis.excitation,
+        "after": ", ".join(axis.after) or "nothing",
+        "unseen": "; ".join(axis.unseen()) or "nowhere",
     }
 
 

@@ -134,7 +134,14 @@ def _object(each: Learned) -> dict[str, Any]:
         "exit": each.exit.name.lower(),
         "decided": each.decided() if found.is_named else {},
         "open": [
-            {"axis": one.axis, "values": list(one.values), "try": one.excitation, "narrowed": one.is_narrowed}
+            {
+                "axis": one.axis,
+                "values": list(one.values),
+                "try": one.excitation,
+                "narrowed": one.is_narrowed,
+                "after": list(one.after),
+                "unseen": one.unseen,
+            }
             for one in each.open()
         ],
         "words": [
@@ -206,18 +213,29 @@ HEADS = {
 
 
 def _open(each: Learned) -> list[str]:
-    """What is left open: what this loop depends on as it runs, then the rest by what an operator moves."""
+    """What is left open: what this loop depends on as it runs, the rest by what an operator moves, what has to wait."""
     left = each.open()
     if not left:
         return ["  nothing is open"]
     lines = [f"  open, {len(left)} axes; monitor and check take the default for what the profile does not name"]
-    narrowed = [one for one in left if one.is_narrowed]
+    if each.loop.controller.name == "DPIDE":
+        lines.append("    keep Td_Kd = 0 where a line does not name it: what D's filter holds stands in no word")
+    ready = [one for one in left if not one.after and not one.unseen]
+    narrowed = [one for one in ready if one.is_narrowed]
     if narrowed:
         lines += ["    what this loop depends on as it ran; to decide it:", *_tips(narrowed)]
     for head, groups in HEADS.items():
-        rest = [one for one in left if one.group in groups and not one.is_narrowed]
+        rest = [one for one in ready if one.group in groups and not one.is_narrowed]
         if rest:
             lines += [f"    not asked for yet, {head}:", *_tips(rest)]
+    waiting = [one for one in left if one.after and not one.unseen]
+    if waiting:
+        lines.append("    later, what it waits for in brackets; identify again and its line comes:")
+        lines += [f"      {one.axis} ({', '.join(one.after)})" for one in waiting]
+    unseen = [one for one in left if one.unseen]
+    if unseen:
+        lines.append("    cannot be told apart by anything an operator does:")
+        lines += [f"      {one.axis}: {' or '.join(one.values)}, with {one.unseen}" for one in unseen]
     return lines
 
 

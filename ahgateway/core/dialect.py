@@ -506,6 +506,21 @@ class MoutScan(IntEnum):
     EACH_SCAN = 1
 
 
+class RunOffManual(IntEnum):
+    """What PID_RUN = FALSE does to the memory that manual came before (spec A.8/9)."""
+
+    KEPT = 0
+    FORGOTTEN = 1
+    TRACKED = 2
+
+
+class PresetMv(IntEnum):
+    """The MV from which automatic goes on after manual (spec A.8/10, ah500 A15)."""
+
+    REGISTER = 0
+    MOUT = 1
+
+
 class Dialect(NamedTuple):
     """One way to discretise the manual's formulas; `dialect_axes` says what each axis and value means."""
 
@@ -573,6 +588,8 @@ class Dialect(NamedTuple):
     pv_word: PvWord = PvWord.MANUAL
     cycle_change: CycleChange = CycleChange.AT_ONCE
     mout_scan: MoutScan = MoutScan.EACH_EXECUTION
+    run_off_manual: RunOffManual = RunOffManual.KEPT
+    preset_mv: PresetMv = PresetMv.REGISTER
 
 
 DEFAULT = Dialect()

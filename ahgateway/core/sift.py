@@ -62,6 +62,7 @@ extended: Any = False
 content_at: Any = -1
 cross_at: Any = -1
 i_at: Any = 0
+pv1_at: Any = -1
 
 
 class Room(NamedTuple):
@@ -238,7 +239,9 @@ def followed(
             operands = read(rows, v)
             hides = hides_pv(operands, dialect)
             if hides and forgets(operands):
-                return k, ASKED if dialect[FIRST_ASKED] >= 0 else LOST, low, high, count
+                if stands(low, count, seen[k], judged):
+                    return k, ASKED if dialect[FIRST_ASKED] >= 0 else LOST, low, high, count
+                continue
             if loosens(operands, dialect):
                 count = loosened(low, high, count)
             for e in range(count):
@@ -467,6 +470,14 @@ def forgets(operands: Any) -> bool:
     return bool(extended and (operands.td_kd > ZERO or operands.err_dbw != ZERO))
 
 
+def stands(low: Any, count: int, seen: Any, judged: Any) -> bool:
+    """Tell whether the record of the last PV is as some element has it, as it must be where the history stands."""
+    stood = not judged[0]
+    for e in range(count):
+        stood = stood or same(REAL(low[e, pv1_at]), REAL(seen[0]))
+    return stood
+
+
 def wavers(operands: Any, dialect: Any) -> bool:
     """Tell whether the content has to be followed value by value."""
     return bool(extended and operands.td_kd > ZERO and operands.tf > ZERO and is_rough(dialect))
@@ -623,7 +634,7 @@ def _access(controller: Controller, compiled: bool) -> dict[str, Any]:
     return {**made, **at, "extended": "d" in fields}
 
 
-PLACES = {"content": "d", "cross": "cross", "i": "i"}
+PLACES = {"content": "d", "cross": "cross", "i": "i", "pv1": "pv1"}
 
 
 _SIEVES: dict[Any, Callable[..., Any]] = {}

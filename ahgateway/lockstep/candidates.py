@@ -17,7 +17,7 @@ from ahgateway.codec.station import Loop
 from ahgateway.core import sift
 from ahgateway.core.compiling import AXIS_COUNT, FIRST_ASKED, asked_row
 from ahgateway.core.controllers.melsec_dialect import NumberFormat
-from ahgateway.core.dialect import AXES, Dialect, IntegralStore, PresetOrder, TsSource, TsUnit
+from ahgateway.core.dialect import AXES, Dialect, FormChange, IntegralStore, PresetOrder, TsSource, TsUnit
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL
 from ahgateway.lockstep.anchor import anchored
@@ -45,8 +45,12 @@ C = TypeVar("C", bound=Held)
 
 AXIS_NAMES = tuple(AXES)
 
-SAME_ON_DPID: dict[str, int] = {"integral_store": IntegralStore.WITHOUT_KC, "preset_order": PresetOrder.BIAS_P_D}
-"""Values that are their axis's default on a DPID, which has neither Kc nor BIAS."""
+SAME_ON_DPID: dict[str, int] = {
+    "integral_store": IntegralStore.WITHOUT_KC,
+    "preset_order": PresetOrder.BIAS_P_D,
+    "form_change": FormChange.ONE_CELL,
+}
+"""Values that are their axis's default on a DPID, which has neither Kc nor BIAS nor PID_DE."""
 
 ROOM = 4096
 """So many contents of a filter are followed value by value."""

@@ -59,6 +59,8 @@ CLASSES: tuple[CauseClass, ...] = (
             "dialect preset_order",
             "dialect preset_integrates",
             "dialect preset_limit",
+            "dialect preset_mv",
+            "dialect run_off_manual",
             "mode-change PID_MAN",
             "operand-written I_MV",
             "integral I_MV",

@@ -24,6 +24,7 @@ from ahgateway.core.dialect_axes import Axis
 from ahgateway.core.real import REAL, order, quiet, same_bits
 from ahgateway.lockstep.anchor import anchored, first_anchor
 from ahgateway.lockstep.candidates import SAME_ON_DPID, Candidate, Carrier, Fixed, dialect_of, joined, values_of
+from ahgateway.lockstep.crossings import taken
 from ahgateway.lockstep.picture import predicted
 from ahgateway.lockstep.shadow import Shadow, explain, input_variants, judged_names
 from ahgateway.lockstep.thinning import is_dependent, thinned
@@ -119,6 +120,7 @@ def identify(
     steps_max: int = STEPS_MAX,
     compiled: bool | None = None,
     starts: Sequence[Fixed] | None = None,
+    known: Fixed | None = None,
 ) -> Identification:
     """Eliminate the dialects that a trace contradicts.
 
@@ -128,6 +130,7 @@ def identify(
         steps_max: How many executions all candidates may walk, beside `STEPS_FREE` for each of the trace.
         compiled: Compile the law, which decides the same; None: where numba is installed and the trace is long.
         starts: Partial dialects to begin with; None: those that a first pass over the trace leaves.
+        known: Axes that something else than the words has told.
     """
     pairs = [(each.before, each.after) for each in observations]
     follows = [each.is_next for each in observations]
@@ -139,13 +142,13 @@ def identify(
             return _none_integrates(loop, observations, *fell)
         if not begun:
             return replace(_result(loop, [Candidate({})], has_kc), is_crowded=True, plain=plain)
-    candidates = [Candidate(dict(fixed)) for fixed in begun]
+    candidates = [Candidate(dict(fixed)) for fixed in taken(begun, known or {})]
     if compiled is None:
         is_filtered = any(getattr(before.inputs, "tf", 0) > 0 for before, _ in pairs)
         compiled = len(pairs) >= (FAST_FROM_FILTERED if is_filtered else FAST_FROM) and find_spec("numba") is not None
     steps_max += STEPS_FREE * len(pairs)
     carrier = Carrier(loop, pairs, columns(loop, observations), compiled=compiled, steps_max=steps_max)
-    at = first_anchor(replace(loop, dialect=dialect_of(begun[0])), pairs, follows)
+    at = first_anchor(replace(loop, dialect=dialect_of(candidates[0].fixed)), pairs, follows)
     for candidate in candidates:
         candidate.at = at
     stretch = 1

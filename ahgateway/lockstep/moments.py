@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 from ahgateway.clock import MILLISECOND
 from ahgateway.codec.station import Loop
@@ -26,6 +27,7 @@ from ahgateway.core.dialect import (
     RunOffScan,
     RunOn,
     Schedule,
+    TsSource,
 )
 from ahgateway.core.real import same_bits
 from ahgateway.lockstep.picture import Picture
@@ -39,6 +41,9 @@ RESTS_MAX = 5
 
 STILL_CYCLES = 3
 """So many executions may have met a PV between two pictures that was the one recorded before."""
+
+CLOCK_NS = MILLISECOND
+"""The coarsest clock by which a PLC measures an interval."""
 
 Span = tuple[float, float]
 
@@ -60,6 +65,16 @@ class _Seen:
         for number, (before, after) in enumerate(pairwise(self.pictures), 1):
             if before.aligned_since_ns == after.aligned_since_ns:
                 yield number, before, after
+
+    def standing(self) -> Iterator[tuple[int, Picture, Picture, Picture]]:
+        """The same, with the first picture since which MV, MOUT and the flags have been as in the second."""
+        since: Picture | None = None
+        for number, before, after in self.pairs():
+            old, new = before.inputs, after.inputs
+            is_same = old._replace(pv=new.pv, sv=new.sv) == new and same_bits(before.seen["MV"], after.seen["MV"])
+            if since is None or not is_same or since.aligned_since_ns != after.aligned_since_ns:
+                since = before if is_same else after
+            yield number, since, before, after
 
     def last(self, number: int) -> Span | None:
         """When the last execution that showed was, at the earliest and the latest, before the one behind `number`."""
@@ -97,6 +112,7 @@ def fallen(loop: Loop, pictures: Sequence[Picture]) -> dict[str, set[int]]:
         "cycle_change": _cycle_change,
         "en_off_time": _en_off_time,
         "schedule": _schedule,
+        "ts_source": _ts_source,
     }
     found = {name: set(rule(seen)) for name, rule in rules.items()}
     # Where nothing is left, scans were longer than the profile says: times say nothing.
@@ -113,9 +129,9 @@ def _is_on(picture: Picture) -> bool:
     return picture.enabled is not False and picture.running is not False and picture.inputs.pid_mode != 1
 
 
-def _stays(before: Picture, after: Picture, seen: _Seen) -> bool:
-    """Tell whether at least one whole scan lies between two pictures in which MV is the same."""
-    return after.sent_ns - before.last_ns > 2 * seen.scan_ns and same_bits(before.seen["MV"], after.seen["MV"])
+def _stays(since: Picture, after: Picture, seen: _Seen) -> bool:
+    """Tell whether at least one whole scan lies between two pictures that `standing` gave."""
+    return after.sent_ns - since.last_ns > 2 * seen.scan_ns
 
 
 def _in_manual(picture: Picture) -> bool:
@@ -125,7 +141,7 @@ def _in_manual(picture: Picture) -> bool:
 def _manual_refresh(seen: _Seen) -> Iterator[int]:
     """MV and MOUT in manual: MV that lags by a scan, or follows before an execution is due."""
     has_followed = False
-    for number, before, after in seen.pairs():
+    for number, since, before, after in seen.standing():
         if not _in_manual(before) or not _in_manual(after):
             has_followed = False
             continue
@@ -134,8 +150,7 @@ def _manual_refresh(seen: _Seen) -> Iterator[int]:
             continue
         wanted = limit(read.mv_min, read.mout, read.mv_max)
         is_there, was_there = (same_bits(each.seen["MV"], wanted) for each in (after, before))
-        is_still = same_bits(before.inputs.mout, read.mout) and _stays(before, after, seen)
-        if has_followed and not is_there and is_still:
+        if has_followed and not is_there and _stays(since, after, seen):
             yield int(ManualRefresh.EACH_SCAN)
         if is_there and not was_there and seen.is_early(number):
             yield int(ManualRefresh.EACH_CYCLE)
@@ -144,10 +159,10 @@ def _manual_refresh(seen: _Seen) -> Iterator[int]:
 
 def _run_off_scan(seen: _Seen) -> Iterator[int]:
     """MV and 0 with PID_RUN off."""
-    for number, before, after in seen.pairs():
+    for number, since, before, after in seen.standing():
         if after.inputs.pid_run or not _is_on(before) or not _is_on(after):
             continue
-        if not before.inputs.pid_run and after.seen["MV"] != 0 and _stays(before, after, seen):
+        if after.seen["MV"] != 0 and _stays(since, after, seen):
             yield int(RunOffScan.EVERY_SCAN)
         if before.seen["MV"] != 0 and after.seen["MV"] == 0 and seen.is_early(number):
             yield int(RunOffScan.WHEN_DUE)
@@ -206,12 +221,12 @@ def _mout_scan(seen: _Seen) -> Iterator[int]:
         read = picture.inputs
         return bool(_is_on(picture) and read.pid_run and read.mout_auto and not read.pid_man)
 
-    for number, before, after in seen.pairs():
+    for number, since, before, after in seen.standing():
         if not follows(before) or not follows(after):
             continue
         was_there, is_there = (same_bits(each.inputs.mout, each.seen["MV"]) for each in (before, after))
-        if not was_there and not is_there and same_bits(before.inputs.mout, after.inputs.mout):
-            if _stays(before, after, seen):
+        if not was_there and not is_there:
+            if _stays(since, after, seen):
                 yield int(MoutScan.EACH_SCAN)
         elif not was_there and is_there and not seen.happened[number] and seen.is_early(number):
             yield int(MoutScan.EACH_EXECUTION)
@@ -291,6 +306,31 @@ def _schedule(seen: _Seen) -> Iterator[int]:
                 begin = []
             begin.append(now)
             yield from _drifted(begin, cycle, seen.scan_ns)
+
+
+def _ts_source(seen: _Seen) -> Iterator[int]:
+    """Two executions in automatic further from a CYCLE apart than any clock can be wrong.
+
+    Where CYCLE alone explains what they integrated, no clock measured it.
+    """
+    names = [name for name in judged_names(seen.loop) if name != "MOUT"]
+    last: Span | None = None
+    for number, before, after in seen.pairs():
+        if not seen.happened[number]:
+            continue
+        cycle = seen.cycle_ns(after)
+        span = (float(before.sent_ns), float(after.last_ns))
+        is_whole = all(not same_bits(before.seen[name], after.seen[name]) for name in names)
+        is_plain = _is_on(after) and _integrates(after.inputs) and seen.cycle_ns(before) == cycle
+        if last is not None and is_whole and is_plain and span[1] - last[0] < 1.5 * cycle:
+            wrong = cycle * DRIFT + CLOCK_NS
+            if span[0] - last[1] > cycle + wrong or span[1] - last[0] < cycle - wrong:
+                yield from (int(TsSource.MS), int(TsSource.TENTH_MS), int(TsSource.MICROSECOND))
+        last = span if is_whole else None
+
+
+def _integrates(read: Any) -> bool:
+    return bool(read.pid_run and not read.pid_man and getattr(read, "ki", getattr(read, "ti_ki", 0)) > 0)
 
 
 def _drifted(begin: list[Span], cycle: int, scan: int) -> Iterator[int]:

@@ -1,7 +1,8 @@
 """What the first execution behind a standstill says of the history: whether EN off, or STOP, made it start anew.
 
 The manual says that EN off leaves all data as it is (spec A.8/8) and nothing of STOP. Pictures show both where the
-profile names `en` and `running`. This file alone decides what such an execution excludes.
+profile names `en` and `running`. This file alone decides what such an execution excludes. What no word shows, D's
+filter, is followed over the last executions before the standstill.
 """
 
 from __future__ import annotations
@@ -14,11 +15,16 @@ from typing import Any
 from ahgateway.codec.station import Loop
 from ahgateway.core.dialect import EnOnHistory, FirstHistory, StopHistory
 from ahgateway.core.real import same_bits
+from ahgateway.lockstep.anchor import anchored, is_anchor
 from ahgateway.lockstep.picture import Picture
-from ahgateway.lockstep.shadow import began_anew, explain, input_variants, judged_names, recalled
+from ahgateway.lockstep.shadow import Bound, Shadow, explain, input_variants, judged_names, merged, recalled
+from ahgateway.lockstep.trace import Observation, observed, variants
 
-SURVIVORS_MAX = 16
+SURVIVORS_MAX = 64
 """So many dialects that are left are asked; where more are left, too little is known to ask."""
+
+FOLLOWED = 6
+"""So many executions before a standstill are followed, where there are so many in a row."""
 
 AXES = {"en_on_history": ("enabled", EnOnHistory), "stop_history": ("running", StopHistory)}
 
@@ -38,13 +44,16 @@ def fallen(
     found: dict[str, set[int]] = {}
     if loop.controller.law_ts is None or not 0 < len(dialects) <= SURVIVORS_MAX:
         return found
+    loops = [replace(loop, dialect=each) for each in dialects]
+    executions = observed(pictures, loop)
     for name, (attr, axis) in AXES.items():
         kept, anew = int(axis(0)), int(axis(1))
         for last, before, after in _standstills(loop, pictures, attr):
-            loops = [replace(loop, dialect=each) for each in dialects]
+            run = _run(loop, executions, last)
+            shadows = [(each, _known(each, run, last)) for each in loops]
             fits = {
-                kept: any(_goes_on(each, last, before, after) for each in loops),
-                anew: any(began_anew(each, before, after) for each in loops),
+                kept: any(_explains(each, shadow, before, after) for each, shadow in shadows),
+                anew: any(_explains(each, _anew(shadow), before, after) for each, shadow in shadows),
             }
             # Where neither explains it, something else happened.
             if any(fits.values()):
@@ -68,7 +77,37 @@ def _standstills(loop: Loop, pictures: Sequence[Picture], attr: str) -> Iterator
         last, stood = after, getattr(after, attr) is False
 
 
-def _goes_on(loop: Loop, last: Picture, before: Picture, after: Picture) -> bool:
-    """Tell whether the history of the last execution explains the first one behind the standstill."""
-    shadow = recalled(loop, (last.inputs,), last.seen)
+def _run(loop: Loop, executions: Sequence[Observation], last: Picture) -> Sequence[Observation]:
+    """The executions up to the last one, without a gap, from one on behind which what is hidden is bounded."""
+    at = next((n for n, each in enumerate(executions) if each.after is last), -1)
+    pairs = [(each.before, each.after) for each in executions]
+    begin = found = at
+    while begin >= 0 and at - begin < 2 * FOLLOWED:
+        if is_anchor(loop, pairs, begin, is_next=executions[begin].is_next):
+            found = begin
+            if at - begin >= FOLLOWED:
+                break
+        if not executions[begin].is_next:
+            break
+        begin -= 1
+    return executions[found : at + 1] if at >= 0 else ()
+
+
+def _known(loop: Loop, run: Sequence[Observation], last: Picture) -> Shadow:
+    """What the last execution can have left hidden."""
+    if not run:
+        return recalled(loop, (last.inputs,), last.seen)
+    shadow = anchored(loop, run[0].before, run[0].after)
+    for each in run[1:]:
+        fits = explain(loop, shadow, variants(loop, each), each.after.seen, judged_names(loop)).fits
+        shadow = merged(fit.after for fit in fits)
+    return shadow or recalled(loop, (last.inputs,), last.seen)
+
+
+def _anew(shadow: Shadow) -> Shadow:
+    return merged(Bound(each.low._replace(valid=False), each.high._replace(valid=False)) for each in shadow)
+
+
+def _explains(loop: Loop, shadow: Shadow, before: Picture, after: Picture) -> bool:
+    """Tell whether what was hidden explains the first execution behind the standstill."""
     return bool(explain(loop, shadow, input_variants(loop, before, after), after.seen, judged_names(loop)).fits)

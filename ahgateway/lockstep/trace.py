@@ -108,28 +108,38 @@ def observed(pictures: Sequence[Picture], loop: Loop) -> list[Observation]:
     Two pictures further apart than one and a half CYCLE, an I_MV that somebody wrote, and a link that was away break
     the chain: the next observation is not the next execution. So does a time in which another execution can have
     changed no word at all, though it moved what is hidden, and an MV that alone follows MOUT in manual: some dialects
-    do that between two executions.
+    do that between two executions. With PID_RUN off, an execution that changes no word is one where another operand
+    than PV was changed and stood for long enough: it may leave something hidden.
     """
     found: list[Observation] = []
     is_next = False
     names = judged_names(loop)
     known_ns = 0
+    rest: Picture | None = None
+    slack_ns = loop.scan_ms_max * 1_000_000
     for before, after in pairwise(pictures):
         cycle_ns = round(float(loop.controller.nominal_ts(after.inputs)) * 1e9)
         if after.last_ns - before.sent_ns > 1.5 * cycle_ns or before.aligned_since_ns != after.aligned_since_ns:
-            is_next = False
+            is_next, rest = False, None
             continue
         changed = {name for name in names if not same_bits(before.seen[name], after.seen[name])}
         if not changed - {"MOUT"}:
-            if _is_idle(before, after):
-                # PID_RUN = FALSE leaves what it finds, however often it is executed.
+            if not _is_idle(before, after):
+                rest = after
+                continue
+            # PID_RUN = FALSE leaves what it finds, however often it is executed with the same operands.
+            if rest is None:
                 known_ns = after.last_ns
+            elif after.sent_ns - rest.last_ns > cycle_ns + slack_ns:
+                found.append(Observation(rest, after, is_next))
+                is_next, rest, known_ns = True, None, after.last_ns
             continue
+        rest = None
         if changed == {"I_MV"} or (changed <= {"MV", "MOUT"} and _can_be_refresh(before, after)):
             is_next = False
             continue
         # At least so long after the last one: more than one CYCLE, and one scan of delay, holds another.
-        if found and before.sent_ns - max(known_ns, found[-1].after.last_ns) > cycle_ns + loop.scan_ms_max * 1_000_000:
+        if found and before.sent_ns - max(known_ns, found[-1].after.last_ns) > cycle_ns + slack_ns:
             is_next = False
         found.append(Observation(before, after, is_next))
         is_next = True

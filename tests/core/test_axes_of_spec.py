@@ -24,7 +24,15 @@ AH500: dict[str, tuple[str, ...]] = {
     "A12": ("cross_d",),
     "A13": ("run_off", "run_off_history", "run_off_mout"),
     "A14": ("first_call", "first_history", "run_on"),
-    "A15": ("transfer", "preset_order", "preset_d", "preset_integrates", "preset_limit", "manual_integral"),
+    "A15": (
+        "transfer",
+        "preset_order",
+        "preset_d",
+        "preset_integrates",
+        "preset_limit",
+        "manual_integral",
+        "preset_mv",
+    ),
     "A16": ("transfer_2", "manual_integral"),
     "A17": ("mout_auto", "mout_scan"),
     "A18": ("manual_refresh",),
@@ -50,8 +58,8 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "A.8/6": ("run_off",),
     "A.8/7": ("manual_history",),
     "A.8/8": ("en_on_history", "stop_history"),
-    "A.8/9": ("run_off_history",),
-    "A.8/10": ("transfer",),
+    "A.8/9": ("run_off_manual",),
+    "A.8/10": ("preset_mv",),
     "A.8/11": ("run_off_scan",),
     "A.8/12": ("en_off_time",),
     "A.8/13": ("first_call",),
@@ -62,7 +70,7 @@ CHOICES: dict[str, tuple[str, ...]] = {
     "B.5/3": ("cross_sv",),
     "B.5/4": ("manual_filter",),
 }
-"""B.5/5 is A25 again. A.8/9 and A.8/10 follow from the letter of A.3 and stand beside the axis that they limit."""
+"""B.5/5 is A25 again."""
 
 ORDERS = {"product", "ratio", "dependent_sum"}
 """Orders of operations that the laws of A.3 and B.3 leave open (ah500 A22)."""

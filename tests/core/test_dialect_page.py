@@ -19,7 +19,9 @@ def test_the_page_of_the_dialects_holds_every_axis_and_value() -> None:
     for axis, row in zip(TABLE, rows, strict=True):
         values = [f"`{value.name.lower()}` {text}" for value, text in zip(AXES[axis.name], axis.values, strict=True)]
         assert "; ".join(values) in row
-        assert axis.excitation in row
+        assert row.endswith(f"| {axis.excitation} | {', '.join(axis.after)} |")
+    unseen = [f"- `{axis.name}`: {phrase}" for axis in TABLE for phrase in axis.unseen()]
+    assert unseen == [line for line in text.splitlines() if line.startswith("- `")]
 
 
 def test_the_page_of_the_causes_holds_every_class() -> None:

@@ -153,6 +153,41 @@ def test_manual_and_back_by_dialect(chosen: dict[str, str], expected: list[tuple
     assert expected == ran(DPID, rows, PI, **chosen)[1:]
 
 
+STOP_IN_MANUAL: list[dict[str, Any]] = [
+    {}, {"pid_man": True, "mout": 50.0}, {"pid_run": False}, {"pid_man": False}, {"pid_run": True},
+]  # fmt: skip
+MANUAL_IN_STOP: list[dict[str, Any]] = [
+    {}, {"pid_run": False}, {"pid_man": True, "mout": 50.0}, {"pid_man": False, "pid_run": True},
+]  # fmt: skip
+OTHER_MOUT: list[dict[str, Any]] = [{}, {"pid_man": True, "mout": 50.0}, {"pid_man": False, "mout": 30.0}]
+
+
+@pytest.mark.parametrize(
+    ("rows", "chosen", "expected"),
+    [
+        # P = 8, I = 2. A transfer from the register, which PID_RUN = FALSE has set to 0, makes I -8.
+        (STOP_IN_MANUAL, {}, (0.0, -8.0)),
+        (STOP_IN_MANUAL, {"run_off_manual": "forgotten"}, (12.0, 4.0)),
+        (STOP_IN_MANUAL, {"run_off_manual": "tracked"}, (12.0, 4.0)),
+        (STOP_IN_MANUAL, {"preset_mv": "mout"}, (50.0, 42.0)),
+        (MANUAL_IN_STOP, {}, (12.0, 4.0)),
+        (MANUAL_IN_STOP, {"run_off_manual": "forgotten"}, (12.0, 4.0)),
+        (MANUAL_IN_STOP, {"run_off_manual": "tracked"}, (0.0, -8.0)),
+        (MANUAL_IN_STOP, {"run_off_manual": "tracked", "preset_mv": "mout"}, (50.0, 42.0)),
+        (OTHER_MOUT, {}, (50.0, 42.0)),
+        (OTHER_MOUT, {"preset_mv": "mout"}, (30.0, 22.0)),
+        (OTHER_MOUT, {"preset_mv": "mout", "transfer": "mv_as_i"}, (40.0, 32.0)),
+    ],
+)
+def test_what_a_transfer_starts_from_by_dialect(
+    rows: list[dict[str, Any]], chosen: dict[str, str], expected: tuple[float, float]
+) -> None:
+    both = PI | {"kc_kp": PI["kp"], "ti_ki": PI["ki"], "td_kd": 0.0, "cycle": 1000}
+    extended = {name: value for name, value in both.items() if name not in ("kp", "ki")}
+    assert expected == ran(DPID, rows, PI, **chosen)[-1]
+    assert expected == ran(DPIDE, rows, extended, **chosen)[-1]
+
+
 @pytest.mark.parametrize(
     ("chosen", "d"),
     [

@@ -133,7 +133,7 @@ class World(Watched):
         cycle_ms: int = 100,
         poll_ms: int = 25,
         mv: int = 200,
-        scan_ms: int = 5,
+        scan_ms: float = 5,
         latency_ns: int = 400_000,
         is_restless: bool = False,
         en: str | None = None,
@@ -156,7 +156,7 @@ class World(Watched):
             self.station,
             {"L1": FakeLoop(start, plant)},
             seed=seed,
-            scan_ns=scan_ms * MILLISECOND,
+            scan_ns=round(scan_ms * MILLISECOND),
             clock=self.clock,
             is_restless=is_restless,
         )
@@ -168,6 +168,7 @@ class World(Watched):
         self.poll_ns = poll_ms * MILLISECOND
         self.events = []
         self.looks: list[Picture] = []
+        self.near: float | None = None
 
     def _step(self) -> Step | None:
         """What triggers an execution: a gate in a directory of its own."""

@@ -27,6 +27,7 @@ from ahgateway.core.dialect import (
     KiOff,
     PresetOrder,
     Product,
+    RunOffManual,
     SumOrder,
     Transfer,
     TsSource,
@@ -301,3 +302,18 @@ def preset_term(dialect: Dialect, kind: int, mv: REAL, p: REAL, d: REAL, bias: R
     if (wanted < low or wanted > high) and dialect.preset_limit:
         return limit(low, wanted, high)
     return wanted
+
+
+def taken_over(dialect: Dialect, mv: REAL, mout: REAL, low: REAL, high: REAL) -> REAL:
+    """The MV from which automatic goes on after manual."""
+    held = limit(low, mout, high)
+    if held != mv and dialect.preset_mv:
+        return held
+    return mv
+
+
+def manual_before(dialect: Dialect, man1: bool, manual: bool) -> bool:
+    """Whether manual counts as having come before, behind an execution with PID_RUN off."""
+    if not (man1 or manual) or not dialect.run_off_manual:
+        return man1
+    return manual and dialect.run_off_manual == RunOffManual.TRACKED

@@ -205,14 +205,14 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
 
     i = state.i
     mout = operands.mout
-    kind = 0
+    kind, mv_before = 0, state.mv
     if state.man1 and not manual and ki > ZERO:
         kind = terms_of.transfer_kind(operands.pid_mode, dialect)
     if kind > 0:
         flags |= flag.BUMPLESS
-        i = terms_of.stored(
-            dialect, False, ki, ONE, terms_of.preset_term(dialect, kind, state.mv, p, d, ZERO, mv_min, mv_max)
-        )
+        mv_before = terms_of.taken_over(dialect, state.mv, mout, mv_min, mv_max)
+        wanted = terms_of.preset_term(dialect, kind, mv_before, p, d, ZERO, mv_min, mv_max)
+        i = terms_of.stored(dialect, False, ki, ONE, wanted)
     if manual:
         flags |= flag.MANUAL
         raw = mout
@@ -220,8 +220,8 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
         if ki > ZERO and dialect.manual_integral:
             i = _in_manual(dialect, i, ki, e, e1, ts, mv, p, d, mv_min, mv_max)
     elif kind == 1 and not dialect.preset_integrates:
-        raw = state.mv
-        mv = limit(mv_min, state.mv, mv_max)
+        raw = mv_before
+        mv = limit(mv_min, mv_before, mv_max)
     elif operands.err_dbw != ZERO and dialect.band == Band.MV_ZERO and inside_band(operands, er, dialect):
         raw = ZERO
         mv = limit(mv_min, ZERO, mv_max)
@@ -338,7 +338,8 @@ def _stopped(operands: Operands, state: State, dialect: Dialect) -> tuple[State,
         er = raw_error(operands, operands.pv, dialect)
         if finite(er):
             e1, pv1, valid, dir1 = error(operands, er, dialect), operands.pv, True, operands.pid_dir
-    stopped = State(kept, pv1, ZERO, e1, state.man1, valid, dir1)
+    man1 = terms_of.manual_before(dialect, state.man1, operands.pid_man)
+    stopped = State(kept, pv1, ZERO, e1, man1, valid, dir1)
     return stopped, Terms(ZERO, ZERO, kept, ZERO, ZERO, ZERO, mout, flag.STOPPED)
 
 

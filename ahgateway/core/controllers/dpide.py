@@ -260,12 +260,13 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
         i = _reformed(operands, dialect, i, ti_ki, kc, integrating)
     mout = operands.mout
     bias = operands.bias
-    kind = 0
+    kind, mv_before = 0, state.mv
     if state.man1 and not manual and integrating and (kc > ZERO or not operands.pid_eq):
         kind = terms_of.transfer_kind(0, dialect)
     if kind > 0:
         flags |= flag.BUMPLESS
-        wanted = terms_of.preset_term(dialect, kind, state.mv, p, d, bias, mv_min, mv_max)
+        mv_before = terms_of.taken_over(dialect, state.mv, operands.mout, mv_min, mv_max)
+        wanted = terms_of.preset_term(dialect, kind, mv_before, p, d, bias, mv_min, mv_max)
         i = terms_of.stored(dialect, operands.pid_eq, ti_ki, kc, wanted)
     if manual:
         flags |= flag.MANUAL
@@ -278,8 +279,8 @@ def step(operands: Operands, state: State, dialect: Dialect, ts: REAL) -> tuple[
         if dialect.manual_filter and (content != state.d):
             content = state.d if dialect.manual_filter == ManualFilter.HELD else ZERO
     elif kind == 1 and not dialect.preset_integrates:
-        raw = state.mv
-        mv = limit(mv_min, state.mv, mv_max)
+        raw = mv_before
+        mv = limit(mv_min, mv_before, mv_max)
     else:
         i, raw, mv, limit_flags = _automatic(
             operands, dialect, state.mv, i, integrating, ti_ki, kc, p, e, e1, d, inner, ts, mv_min, mv_max
@@ -539,7 +540,8 @@ def _stopped(operands: Operands, state: State, dialect: Dialect) -> tuple[State,
             cross = crossed(operands, er, er1 if state.valid else er, cross, dialect)
             pv1, er1, valid, form1, sv1 = operands.pv, er, True, form_of(operands), operands.sv
             e1 = ZERO if cross else er
-    stopped = State(kept, pv1, ZERO, e1, d, er1, cross, state.man1, valid, form1, sv1)
+    man1 = terms_of.manual_before(dialect, state.man1, operands.pid_man)
+    stopped = State(kept, pv1, ZERO, e1, d, er1, cross, man1, valid, form1, sv1)
     return stopped, Terms(ZERO, ZERO, kept, ZERO, operands.bias, ZERO, ZERO, mout, False, flag.STOPPED)
 
 
