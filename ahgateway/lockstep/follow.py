@@ -219,9 +219,10 @@ class Follower:
         if is_at_changes(self.loop):
             # What changed no word made no picture, and whatever changes one ends the wait.
             most = 1
-            silent = self._silent_max(before, after)
-            self._shadow = lingered(self.loop, self._shadow, before, before, silent)
-            self._inquiry.rests(before, before, silent)
+            silent, reached = self._silent_max(before, after), self._shadow
+            self._shadow = lingered(self.loop, reached, before, before, silent)
+            if self._shadow is not reached:
+                self._inquiry.rests(before, before, silent)
         possible = max(1, least), max(1, most)
         execution, self._shadow = counted(self.loop, self._shadow, before, after, possible, self.suspects)
         execution = self._inquiry.hear(execution, before, after, possible[1])
