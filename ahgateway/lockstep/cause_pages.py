@@ -161,7 +161,8 @@ PAGES: tuple[CausePage, ...] = (
         "the last bits differ: the operations round otherwise",
         "Every word is the reference's within a few ULP of its largest term, and no axis of the dialect reproduces it. "
         "So it looks when a firmware computes in binary64, fuses multiply and add, cuts off, or has its own order.",
-        "All words lie within 8 ULP of the largest term at nearly every execution, and no dialect survives them.",
+        "All words lie within 8 ULP of the largest term at nearly every execution, what D is a difference of counted "
+        "as its gain carries it, and no dialect explains them all.",
         "gain: a factor nearer to 1 than 0.1 % leaves the same words where the loop is at rest.",
         "Run `ahgateway identify`. If nothing survives, judge with `--ulp`, which never counts as proven.",
     ),

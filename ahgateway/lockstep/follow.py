@@ -43,6 +43,7 @@ from ahgateway.lockstep.shadow import (
     without_pv,
 )
 from ahgateway.lockstep.suspects import Suspect
+from ahgateway.lockstep.unseen import refreshed
 
 STALL_CYCLES = 3
 """After this many CYCLEs without an execution that must have changed a word, the loop stands still."""
@@ -125,7 +126,7 @@ class Follower:
         if told is not None and told[0] > 0:
             events.append(self._execution(before, picture))
             events.extend(self._stale_pv(before, picture))
-        elif not changed:
+        elif not changed or (changed <= {"MV", "MOUT"} and self._is_refreshed(picture)):
             events.extend(self._nothing_changed(before, picture))
         elif changed == {"MOUT"} or (changed <= WRITABLE and self._is_written(before, picture)):
             events.extend(self._written(before, picture, changed))
@@ -154,6 +155,19 @@ class Follower:
                 self._set(NO_EXECUTION, not calls.rests(before, after), f"silent for {silent_ns / SECOND:.1f} s")
             )
         return found
+
+    def _is_refreshed(self, picture: Picture) -> bool:
+        """MV has followed MOUT at a scan, which is no execution; take it over."""
+        mv = refreshed(self.loop, picture)
+        if mv is None or not same_bits(mv, picture.seen["MV"]):
+            return False
+
+        def change(shadow: Shadow) -> Shadow:
+            return merged(Bound(bound.low._replace(mv=mv), bound.high._replace(mv=mv)) for bound in shadow)
+
+        self._shadow = change(self._shadow)
+        self._inquiry.pass_on(change)
+        return True
 
     def _is_written(self, before: Picture, after: Picture) -> bool:
         """Only words changed that people may write, and no execution leaves them so: somebody wrote them."""
@@ -205,9 +219,10 @@ class Follower:
         if is_at_changes(self.loop):
             # What changed no word made no picture, and whatever changes one ends the wait.
             most = 1
-            silent = self._silent_max(before, after)
-            self._shadow = lingered(self.loop, self._shadow, before, before, silent)
-            self._inquiry.rests(before, before, silent)
+            silent, reached = self._silent_max(before, after), self._shadow
+            self._shadow = lingered(self.loop, reached, before, before, silent)
+            if self._shadow is not reached:
+                self._inquiry.rests(before, before, silent)
         possible = max(1, least), max(1, most)
         execution, self._shadow = counted(self.loop, self._shadow, before, after, possible, self.suspects)
         execution = self._inquiry.hear(execution, before, after, possible[1])

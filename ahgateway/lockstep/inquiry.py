@@ -372,7 +372,8 @@ def _common(known: Suspect, fresh: Suspect) -> Suspect | None:
         return known if is_fitted else _within(known, fresh)
     ratio = (low + high) / 2.0
     held = new.value / fresh.ratio
-    value, smallest, largest = (float(REAL(held * each)) for each in (ratio, low, high))
+    # Ends that miss by one REAL are each other's.
+    value, smallest, largest = (float(REAL(held * each)) for each in (ratio, *sorted((low, high))))
     estimate = Estimate(value, smallest, largest, new.unit, old.is_exact and new.is_exact)
     if fresh.cause == "cycle":
         evidence = f"an interval of {estimate.text()} s instead of CYCLE's {held:.6g} s ({ratio - 1:+.3%})"

@@ -19,6 +19,7 @@ from ahgateway.lockstep.causes import blame_any
 from ahgateway.lockstep.picture import Picture, predicted
 from ahgateway.lockstep.shadow import (
     MISSED_WORD,
+    Bound,
     Explanation,
     Fit,
     Shadow,
@@ -35,6 +36,7 @@ from ahgateway.lockstep.shadow import (
     without_pv,
 )
 from ahgateway.lockstep.suspects import Blame, Suspect, agreeing
+from ahgateway.lockstep.unseen import refreshed
 
 TRIVIAL_FLAGS = flag.MANUAL | flag.STOPPED | flag.BAD_INPUT | flag.AUTOTUNE | flag.FREEZE_HI | flag.FREEZE_LO
 
@@ -120,6 +122,12 @@ def judge(
     if overwritten is not None:
         execution = _agreed(loop, overwritten, names, before, after, written=("MOUT",))
         return execution, merged(fit.after for fit in overwritten.fits)
+    behind = _refreshed_mv(loop, shadow, variants, before, after)
+    if behind is not None:
+        execution = _agreed(loop, behind, names, before, after, written=("MV",))
+        mv = after.seen["MV"]
+        bounds = (Bound(fit.after.low._replace(mv=mv), fit.after.high._replace(mv=mv)) for fit in behind.fits)
+        return execution, merged(bounds)
     unrecorded = without_pv(loop, shadow, variants, after.seen)
     if unrecorded:
         return Execution(Verdict.UNOBSERVABLE, reason=UNRECORDED_PV, inputs=after.inputs), unrecorded
@@ -286,6 +294,18 @@ def _overwritten_mout(
     if "MOUT" not in names or same_bits(before.seen["MOUT"], after.seen["MOUT"]):
         return None
     found = explain(loop, shadow, variants, after.seen, tuple(name for name in names if name != "MOUT"))
+    return found if found.fits else None
+
+
+def _refreshed_mv(
+    loop: Loop, shadow: Shadow, variants: list[Any], before: Picture, after: Picture
+) -> Explanation | None:
+    """MV has followed a MOUT that was written behind the execution, at a scan and not at an execution of its own."""
+    first, last = refreshed(loop, before), refreshed(loop, after)
+    if first is None or last is None or same_bits(first, last) or not same_bits(last, after.seen["MV"]):
+        return None
+    names = tuple(name for name in judged_names(loop) if name != "MOUT")
+    found = explain(loop, shadow, variants, {**after.seen, "MV": first}, names)
     return found if found.fits else None
 
 

@@ -325,6 +325,8 @@ def _split(loop: Loop, shadow: Shadow) -> Iterator[tuple[Bound, bool]]:
 
 def _passed_unseen(loop: Loop, inputs: Any, shadow: Shadow) -> Shadow:
     """Open the cross status where the dialect evaluates it at each scan: PV may have passed SV and come back."""
+    if loop.pv_rate_max == 0:
+        return shadow
     if not shadow or not getattr(inputs, "err_dbw", 0) or not hasattr(shadow[0].low, "cross"):
         return shadow
     if loop.dialect.cross_scan != CrossScan.EACH_SCAN or loop.dialect.cross_band != CrossBand.ZERO_CROSS:

@@ -31,7 +31,8 @@ class Estimate:
         low: Smallest value that leaves the same words.
         high: Largest value that leaves the same words.
         unit: The operand's unit.
-        is_exact: Every value from `low` to `high` leaves the very bits; else they come out within rounding.
+        is_exact: Every value from `low` to `high` leaves the very bits, but for MV's last one where D's filter holds
+            what an estimate has left there; else they come out within rounding.
     """
 
     value: float

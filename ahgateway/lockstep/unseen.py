@@ -1,4 +1,4 @@
-"""What executions that nobody saw can have left behind: the shadow goes on, and keeps all that is possible.
+"""What executions that nobody saw, and scans between them, can have left behind: all that is possible is kept.
 
 This file alone advances a shadow without a picture; `counting` asks it for the executions between two of them.
 """
@@ -12,10 +12,12 @@ from typing import Any
 import numpy as np
 
 from ahgateway.codec.station import Loop
-from ahgateway.core.dialect import Freeze
+from ahgateway.core.controllers.delta import limit
+from ahgateway.core.dialect import Freeze, Limits
 from ahgateway.core.real import REAL, from_order, order, quiet, same_bits
 from ahgateway.lockstep import loose
 from ahgateway.lockstep.interval import intervals
+from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import Bound, Fit, Shadow, first_for, merged, open_attr, open_terms, stepped, unrecorded
 
 ADVANCED_MAX = 512
@@ -45,6 +47,19 @@ def advanced(loop: Loop, shadow: Shadow, inputs: Any) -> Shadow:
         if len(found) > ADVANCED_MAX:
             return ()
     return merged(found)
+
+
+def refreshed(loop: Loop, picture: Picture) -> REAL | None:
+    """Where a scan in manual puts MV, in a dialect in which it follows MOUT scan by scan; None in any other case."""
+    inputs = picture.inputs
+    if loop.controller.law_ts is None or not loop.dialect.manual_refresh:
+        return None
+    if not (inputs.pid_run and inputs.pid_man and inputs.pid_mode != 1):
+        return None
+    low, high = inputs.mv_min, inputs.mv_max
+    if high < low and loop.dialect.limits != Limits.AS_WRITTEN:
+        low, high = high, low
+    return limit(low, inputs.mout, high)
 
 
 def _is_one_real(bound: Bound) -> bool:

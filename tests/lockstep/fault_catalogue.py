@@ -51,6 +51,21 @@ STIR: dict[str, list[tuple[int, str, Any]]] = {
 }
 """What an operator does, poll by poll, where ordinary control would not show the fault."""
 
+WORK = [
+    ("SV", 30.0, 110.0),
+    ("MOUT", -5.0, 110.0),
+    ("MV_MAX", 50.0, 100.0),
+    ("ERR_DBW", 0.0, 6.0),
+    ("PID_MAN", 0.0, 0.0),
+    ("PID_MAN", 0.0, 0.0),
+    ("MOUT_AUTO", 0.0, 0.0),
+    ("PID_RUN", 0.0, 0.0),
+    ("PID_DIR", 0.0, 0.0),
+]
+"""What an operator does where nothing is wrong: an operand, and between which values; a switch is turned."""
+WORKS = 0.06
+"""So often, for each poll."""
+
 TRUTH: dict[str, tuple[str, ...]] = {
     "gain-1-percent": ("gain Kp", "gain Kc_Kp"),
     "ki-1-percent": ("gain Ki", "gain Ti_Ki"),
@@ -176,6 +191,19 @@ async def go_wrong(world: World, name: str) -> Trial:
         bool(rivals) and all(leaves_the_same(world.loop, each, log) for each in rivals),
         bool(seen) and not convicted and world.loop.way is Way.POLLED and is_possible(world, world.looks),
     )
+
+
+async def go_on(world: World) -> Trial:
+    """Let an operator work on a loop that goes on well: nobody is to be convicted."""
+    looks, chance = looks_of(world), random.Random(f"operator {world.loop.controller.name} {world.poll_ns}")
+    for _ in range(WRONG // looks):
+        if chance.random() < WORKS * looks:
+            operand, low, high = chance.choice(WORK)
+            value = not world.plc.read("L1", operand) if low == high else round(chance.uniform(low, high), 1)
+            world.plc.at(world.plc.now_ns + chance.randrange(world.poll_ns), partial(_write, operand, value))
+        await _look(world)
+    follower = world.follower
+    return Trial(0, 0, 0, follower.counts.diverged, follower.suspects, False, False, False)
 
 
 async def _look(world: World) -> None:
