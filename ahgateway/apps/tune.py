@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from ahgateway.apps.health import Window, health
 from ahgateway.apps.report import number
 from ahgateway.core.real import REAL
 from ahgateway.errors import ProfileError
@@ -99,7 +100,8 @@ def tune(
     bounds = BLOCKS[instruction].read(full, Use())
     identified = identify(replace(record, mv_limits=record.mv_limits or (bounds.umin, bounds.umax)), kind)
     if identified.fit is None or identified.is_refused:
-        return Tuning(identified, None, dial, None, (), None, {}, identified.findings)
+        findings = (*identified.findings, *_swinging(identified))
+        return Tuning(identified, None, dial, None, (), None, {}, findings)
     model = identified.fit.model
     if instruction == "PID_Temp" and model.gain < 0.0:
         text = f"PID_Temp has no negative gain, and the process's gain is {model.gain:.3g}"
@@ -113,6 +115,25 @@ def tune(
     again = _again(identified, loop, (*found, *((now,) if now else ())))
     findings = (*identified.findings, *_of_loop(model, loop, settings))
     return Tuning(identified, loop, dial, now, found, recommended(writable_ones(found, loop)), again, findings)
+
+
+def _swinging(identified: Identification) -> tuple[Finding, ...]:
+    """What a loop that swings by itself, and so shows no process, says of its valve."""
+    record = identified.record
+    if not any(each.name == "not-excited" for each in identified.findings) or not np.all(np.isfinite(record.sv)):
+        return ()
+    low, high = record.mv_limits or (-math.inf, math.inf)
+    ends = (np.full(record.mv.size, low), np.full(record.mv.size, high))
+    found = health(Window(record.t_s, record.sv, record.pv, record.mv, np.ones(record.mv.size, dtype=bool), *ends))
+    if found is None or not found.oscillates or found.oscillation is None:
+        return ()
+    swing = f"PV swings by ± {found.oscillation.amplitude:.3g} with a period of {found.oscillation.period_s:.3g} s"
+    if found.stiction is None or found.stiction.says != "stiction":
+        hint = "see in manual whether the swing stays: then it is a disturbance, else tuning or the valve"
+        return (Finding("oscillating", Weight.WARNING, f"{swing} while SV stands", hint),)
+    skews = f"{found.stiction.lag_skew:.2f} and {found.stiction.size_skew:.2f}"
+    text = f"{swing} while SV stands, and follows MV as behind a valve that sticks (skews {skews}, both above 0.67)"
+    return (Finding("stiction", Weight.REFUSED, text, "fix the valve, do not retune"),)
 
 
 def writable_ones(found: tuple[Proposal, ...], loop: LoopForm) -> tuple[Proposal, ...]:
@@ -419,12 +440,12 @@ def shown(value: float | int | bool) -> str:
     return f"{value:.5g}" if isinstance(value, float) else str(value)
 
 
-NUMBERS = ("Ms", "GM", "PM", "over", "settling", "IAE SV", "IAE load", "travel", "record")
+NUMBERS = ("Ms", "GM", "PM", "over", "settling", "IAE SV", "IAE load", "travel")
 
 
 def heads(result: Tuning) -> list[str]:
     """Return what stands above `rows`: rule, the loop's gains by the manual's names, and the numbers."""
-    return ["rule", *_gain_names(result), *NUMBERS]
+    return ["rule", *_gain_names(result), *NUMBERS, *(["record"] if result.again else [])]
 
 
 def rows(result: Tuning) -> list[list[str]]:
@@ -432,20 +453,20 @@ def rows(result: Tuning) -> list[list[str]]:
     names = _gain_names(result)
     out = []
     for each in _all(result):
-        again = f"{iae(result.again[each.name]):.4g}" if each.name in result.again else "-"
+        again = [f"{iae(result.again[each.name]):.4g}"] if each.name in result.again else []
         out.append(
             [
                 each.name + (" *" if each is result.chosen else ""),
                 *(f"{each.settings[name]:.4g}" if each.settings.get(name) else "-" for name in names),
-                _short(each.margins.ms),
-                _short(each.margins.gain_margin),
+                f"{each.margins.ms:.2f}" if math.isfinite(each.margins.ms) else "unstable",
+                f"{each.margins.gain_margin:.2f}" if math.isfinite(each.margins.gain_margin) else "-",
                 f"{each.margins.phase_margin_deg:.0f}°" if math.isfinite(each.margins.phase_margin_deg) else "-",
                 f"{each.setpoint.overshoot_percent:.0f} %",
                 f"{each.setpoint.settling_s:.4g} s" if math.isfinite(each.setpoint.settling_s) else "-",
                 f"{each.setpoint.iae:.4g}",
                 f"{each.load.iae:.4g}",
                 f"{each.setpoint.travel:.4g}",
-                again,
+                *again,
             ]
         )
     return out
@@ -460,14 +481,8 @@ def _gain_names(result: Tuning) -> list[str]:
     return [name for name in GAIN_NAMES if any(each.settings.get(name) for each in _all(result))]
 
 
-def _short(value: float) -> str:
-    return f"{value:.2f}" if math.isfinite(value) else "unstable"
-
-
 def _table(result: Tuning) -> list[str]:
     table = [heads(result), *rows(result)]
-    if not result.again:
-        table = [row[:-1] for row in table]
     widths = [max(len(cell) for cell in column) for column in zip(*table, strict=True)]
     return [
         "  " + "  ".join(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)).rstrip() for row in table

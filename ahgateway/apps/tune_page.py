@@ -40,12 +40,14 @@ band). Ms, GM and PM are those of the sampled loop. IAE in PV·s.{% for line in 
 {% for name, old, new in changes %}<tr><td>{{ name }}</td><td>{{ old }}</td><td>{{ new }}</td></tr>{% endfor %}</table>
 <p class="muted">{{ chosen.source }}</p>
 {% endif %}
+<h2>What {{ shown }} does</h2>
+<figure>{{ prediction }}<figcaption>Predicted: above PV and MV after a step of SV by {{ sv_step }}, below after a load
+step of {{ load_step }} in MV, both at 0 s.</figcaption></figure>
 {% if compared %}<figure>{{ compared }}<figcaption>MV side by side, from the recorded SV and PV through the exact law:
-{{ compared_text }}.</figcaption></figure>{% endif %}
-<figure>{{ prediction }}<figcaption>Predicted: a setpoint step of {{ sv_step }} (left part of the time axis from 0),
-and a load step of {{ load_step }} in MV.</figcaption></figure>
+{{ compared_text }}. PV is as recorded and does not answer here: where SV and PV stand apart the integral runs
+on.</figcaption></figure>{% endif %}
 {% if again %}<figure>{{ again }}<figcaption>The recorded run again, with what disturbed it then: as recorded (IAE
-{{ recorded_iae }}), and with the recommended gains.</figcaption></figure>{% endif %}
+{{ recorded_iae }}), and with the gains of {{ shown }}.</figcaption></figure>{% endif %}
 {% endif %}
 {% if apart %}
 <h2>Repeats</h2>
@@ -56,7 +58,8 @@ and a load step of {{ load_step }} in MV.</figcaption></figure>
 {% if proof %}
 <h2>Verification</h2>
 <p>{{ proof_text }}</p>
-{% for line in proof.lines %}<p><code>{{ line }}</code></p>{% endfor %}
+<table><tr><th>written</th></tr>
+{% for line in proof.lines %}<tr><td><code>{{ line }}</code></td></tr>{% endfor %}</table>
 <figure>{{ proof_plot }}<figcaption>Predicted before, and measured: PV with what was allowed around the prediction, and
 MV.</figcaption></figure>
 {% endif %}
@@ -98,6 +101,7 @@ def page(result: Tuning, proof: Verification | None = None, apart: Spread | None
             "sv_step": f"{loop.sv_step:g}",
             "load_step": f"{loop.load_step:g}",
             "prediction": _prediction(result, best),
+            "shown": best.name,
             "changes": [
                 (name, shown(loop.settings[name]), shown(value))
                 for name, value in (result.chosen.settings.items() if result.chosen else ())
@@ -113,7 +117,11 @@ def page(result: Tuning, proof: Verification | None = None, apart: Spread | None
             trace = Response(record.t_s, record.sv, record.pv, record.mv)
             facts |= {"again": _again(trace, result.again[best.name], best.name), "recorded_iae": f"{iae(trace):.4g}"}
     if proof is not None:
-        facts |= {"proof": proof, "proof_text": verification_text(proof), "proof_plot": _proof(proof)}
+        facts |= {
+            "proof": proof,
+            "proof_text": verification_text(proof).replace("\n ", ";"),
+            "proof_plot": _proof(proof),
+        }
     if apart is not None:
         facts |= {"spread": [cells(row) for row in apart.rows], "spread_heads": SPREAD_HEADS, "apart": apart}
     return framed(f"Tuning of {record.name}", BODY, **facts)

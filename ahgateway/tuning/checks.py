@@ -16,6 +16,8 @@ from ahgateway.tuning.record import Record
 
 Array = NDArray[np.float64]
 
+MOVES_MIN = 30
+"""Fewest moves of MV that are taken for a controller's."""
 SNR_MIN = 5.0
 """Smallest change of PV by MV, peak to peak, in standard deviations of what is left."""
 SATURATED_MAX = 0.25
@@ -87,7 +89,7 @@ def gaps(raw: Record) -> tuple[Finding, ...]:
 def _feedback_only(record: Record) -> list[Finding]:
     """Data in which nothing but the controller moved MV show the controller, not the process."""
     held = float(np.mean(np.diff(record.mv) == 0.0))
-    if held >= HELD_MIN:
+    if held >= HELD_MIN and not _is_controlled(record.mv):
         return []
     if not np.any(np.isfinite(record.sv)):
         text = f"SV is not known and MV moves in {100 - 100 * held:.0f} % of the samples: feedback may hide the process"
@@ -99,6 +101,16 @@ def _feedback_only(record: Record) -> list[Finding]:
         "feedback alone moved it"
     )
     return [Finding("not-excited", Weight.REFUSED, text, "record a step of SV in automatic, or of MOUT in manual")]
+
+
+def _is_controlled(mv: Array) -> bool:
+    """Tell whether MV moves all the time and hardly ever to a value that it had before: a controller that is looked at
+    more often than it executes; a person's moves are few, and a relay's values are two."""
+    places = np.flatnonzero(np.diff(mv))
+    if places.size < MOVES_MIN or np.unique(mv[places + 1]).size < 0.5 * places.size:
+        return False
+    waits = np.diff(places)
+    return float(np.sum(waits[waits <= 5.0 * np.median(waits)])) > HELD_MIN * mv.size
 
 
 def _saturated(record: Record) -> list[Finding]:

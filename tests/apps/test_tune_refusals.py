@@ -9,6 +9,7 @@ import pytest
 from tuning_data import answered, closed, doublet
 from typer.testing import CliRunner
 
+from ahgateway.apps.tune import tune
 from ahgateway.cli.main import app
 from ahgateway.tuning.models import Kind, Model
 from ahgateway.tuning.record import Record
@@ -86,3 +87,26 @@ def test_data_that_are_unfit_end_the_command_with_3_the_number_and_what_to_do(tm
     at = next(number for number, line in enumerate(lines) if line.startswith(said))
     assert lines[at + 1].startswith(f"  hint: {hint}")
     assert "no proposal is made" == lines[-1]
+
+
+def test_a_controller_that_is_looked_at_more_often_than_it_executes_is_feedback_all_the_same():
+    """Four looks at each execution: MV stands still in three quarters of the samples, and nobody but it moved MV."""
+    seen = closed(MODEL, {"Kc_Kp": 1.0, "Ti_Ki": 25.0, "Td_Kd": 0.0}, sv_step=0.0, count=150)
+    often = Record(np.arange(600) * 0.125, *(np.repeat(each, 4) for each in (seen.sv, seen.pv, seen.mv)))
+    assert ["not-excited"] == [each.name for each in tune(often, "DPIDE", {"CYCLE": 500}).findings]
+
+
+@pytest.mark.parametrize(("shape", "name"), [("behind a valve that sticks", "stiction"), ("sine", "oscillating")])
+def test_a_loop_that_swings_by_itself_is_told_by_what_its_swing_looks_like(shape, name):
+    """A stem that jumps makes PV a square and MV, its integral, a triangle (Horch 1999); a sine follows MV at −180°."""
+    t = np.arange(1200) * 0.5
+    turn = 2.0 * np.pi * t / 40.0
+    noise = 0.02 * np.random.default_rng(1).standard_normal(t.size)
+    if name == "stiction":
+        pv, mv = np.sign(np.sin(turn)), -2.0 / np.pi * np.arcsin(np.cos(turn + 1e-3))
+    else:
+        pv, mv = np.sin(turn), -np.sin(turn)
+    found = tune(Record(t, np.full(t.size, 50.0), 50.0 + 2.0 * pv + noise, 40.0 - mv + 1e-4 * t), "DPIDE", {})
+    assert {"not-excited", name} == {each.name for each in found.findings}
+    assert "period of 40" in found.findings[-1].text
+    assert found.is_refused
