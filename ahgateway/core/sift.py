@@ -43,6 +43,9 @@ MANY = 256
 CONTENTS = 256
 """More contents of a filter than this are not followed where the interval is measured: each tick makes another."""
 
+PAIRS = 8192
+"""More pairs of a content and a tick than this are not tried for one element."""
+
 NEVER = 2
 ZERO = REAL(0)
 ONE = REAL(1)
@@ -284,9 +287,9 @@ def advanced(
         nominal = int(np.rint(np.float64(nominal_ts(operands)) * per_second))
         slack = max(1, -(-scan_ms * per_second // 1000))
         first, last = max(1, nominal - slack), nominal + slack
-        if last - first > FEW and not hides:
+        if (last - first > FEW or end > begin) and not hides:
             first, last = cut(operands, dialect, lowest, seen, judged, first, last)
-        if last - first > MANY:
+        if last - first > MANY or (end - begin + 1) * (last - first + 1) > PAIRS:
             return kept if dialect[FIRST_ASKED] >= 0 else -1
     for position in range(begin, end + 1):
         if end > begin:
