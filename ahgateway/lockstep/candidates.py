@@ -20,6 +20,7 @@ from ahgateway.core.controllers.melsec_dialect import NumberFormat
 from ahgateway.core.dialect import AXES, Dialect, FormChange, IntegralStore, PresetOrder, TsSource, TsUnit
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL
+from ahgateway.core.sieve import sieve
 from ahgateway.lockstep.anchor import anchored
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import Bound, Shadow
@@ -217,7 +218,7 @@ class Carrier:
         self._pairs = pairs
         self._trace = trace
         self._compiled = compiled
-        self._sift = sift.sieve(loop.controller, compiled)
+        self._sift = sieve(loop.controller, compiled)
         self._fields = len(loop.controller.state())
         room = ROOM if "d" in loop.controller.state()._fields else ROOM_WITHOUT
         self._room, self._left = sift.room_for(room, self._fields, FALLEN_MAX)

@@ -9,7 +9,7 @@ from typing import Any
 from ahgateway.cli.compiled_laws import keep
 from ahgateway.core.compiling import njit
 from ahgateway.core.controllers import CONTROLLERS
-from ahgateway.core.sift import sieve
+from ahgateway.core.sieve import sieve
 
 
 def added(x: int) -> int:
