@@ -91,13 +91,14 @@ NO_PRESET = (
 )
 """Nothing is computed back from an MV."""
 
-SLOW = "with a CYCLE of 1 to 2 s and pictures every 50 ms: "
+SLOW = "with a CYCLE of 2 s and pictures every 50 ms, some times, for it must fall early in an interval: "
 SIMULATED = "with a PV that you set, its last digit always moving (simulator): "
 
 MOVES: dict[str, Move] = {
     "freeze": Move(
         "automatic: drive MV into a limit by a large step of SV and, 4 CYCLEs later, back; wait until SV - PV is "
-        "small; write MV_MAX below I_MV and step SV so that SV - PV changes its sign, 4 CYCLEs"
+        "small; write MV_MAX well below I_MV and step SV to just past PV, so that SV - PV changes its sign and P + "
+        "I_MV stays above MV_MAX, 4 CYCLEs"
     ),
     "run_off": Move("automatic, I_MV not 0: PID_RUN off for 4 CYCLEs and on again"),
     "first_call": Move("no picture shows it: see after a power-up whether MV moves at once or after one CYCLE"),
@@ -165,7 +166,9 @@ MOVES: dict[str, Move] = {
         "PID_EQ on, a short odd Ti_Ki such as 0.9: three odd steps of SV up and down, 6 CYCLEs each, so that I_MV "
         "swings through 0"
     ),
-    "dependent_sum": Move("PID_EQ on and a Kc_Kp such as 1.3, no power of 2; 10 executions with SV - PV not 0"),
+    "dependent_sum": Move(
+        "PID_EQ on, a Kc_Kp such as 1.3, no power of 2, and Td_Kd above 0: a dozen odd steps of SV, 2 CYCLEs apart"
+    ),
     "derivative_of": Move("automatic, the D gain above 0: step SV, 2 CYCLEs"),
     "derivative_product": Move(
         "automatic, an odd D gain: a dozen odd steps of SV, 2 CYCLEs apart, each so large that D is about as large "
@@ -214,7 +217,7 @@ MOVES: dict[str, Move] = {
     "limits": Move("automatic, MV at rest: write an MV_MAX that is below MV_MIN, 4 CYCLEs; it moves MV"),
     "clamped": Move("on a bench: a gain of -1 or a CYCLE of 0, for 2 CYCLEs"),
     "ki_off": Move("automatic, I_MV not 0: the I gain to 0 for 4 CYCLEs and back; MV jumps"),
-    "kc_off": Move("PID_EQ on, I_MV not 0: Kc_Kp = 0 for 3 CYCLEs and back; MV jumps"),
+    "kc_off": Move("PID_EQ on, I_MV not 0: Kc_Kp = 0 for 3 CYCLEs and back; MV jumps", after=("ki_off",)),
     "run_off_history": Move(
         "the D gain above 0, PV moving: PID_RUN off for 4 CYCLEs and on again; `kept` and first_history = stale do "
         "the same here, so that both may stay open together",
@@ -224,11 +227,11 @@ MOVES: dict[str, Move] = {
         "Tf and Td_Kd above 0, D not 0: PID_RUN off for 4 CYCLEs and on again", after=("filter", "filter_content")
     ),
     "run_off_mout": Move("MOUT_AUTO on, MOUT not 0: PID_RUN off for 4 CYCLEs and on again, twice"),
-    "run_off_scan": Move(SLOW + "PID_RUN off right after an execution, 2 CYCLEs"),
+    "run_off_scan": Move(SLOW + "PID_RUN off, 2 CYCLEs"),
     "run_on": Move(
         SLOW + "PID_RUN off, and on again after 2 CYCLEs, a quarter of a CYCLE behind an execution; 3 CYCLEs"
     ),
-    "en_off_time": Move(SLOW + "EN off for a quarter of a CYCLE right after an execution; the profile must name `en`"),
+    "en_off_time": Move(SLOW + "EN off for a quarter of a CYCLE; the profile must name `en`"),
     "en_on_history": Move(
         "the D gain above 0, PV moving: EN off for 4 CYCLEs and on again; the profile must name `en`",
         after=("first_history", "filter_content"),
@@ -245,7 +248,7 @@ MOVES: dict[str, Move] = {
         "Tf and Td_Kd above 0: PID_MAN on for 6 CYCLEs with a moving PV, then PID_MAN off, 8 CYCLEs",
         after=("filter", "filter_content", "transfer"),
     ),
-    "manual_refresh": Move(SLOW + "PID_MAN on: another MOUT right after an execution, 2 CYCLEs"),
+    "manual_refresh": Move(SLOW + "PID_MAN on: another MOUT, 2 CYCLEs"),
     "mout_auto": Move(
         "on a bench: MOUT_AUTO and PID_MAN on, MOUT beyond MV_MAX by 20, 2 CYCLEs later by 30, in turn three times"
     ),
@@ -306,7 +309,7 @@ MOVES: dict[str, Move] = {
         alike=NO_STATUS,
     ),
     "pv_word": Move("some executions with a moving PV"),
-    "cycle_change": Move(SLOW + "a CYCLE of a fifth right after an execution, 3 CYCLEs"),
+    "cycle_change": Move(SLOW + "a CYCLE of a fifth, 3 CYCLEs"),
     "mout_scan": Move(
         "with a CYCLE of 1 to 2 s and pictures faster than half a scan, automatic, MOUT_AUTO on: another MOUT right "
         "after an execution, three times"

@@ -195,13 +195,16 @@ OF_DPIDE: tuple[Advice, ...] = (
     Advice("cross_sv", (*CROSS_BAND, *FLICK, *CROSSED, ("SV", 50.5), ("near", 53.0))),
     Advice("cross_scan", (("ERR_DBW", 6.0), *FLICK)),
     Advice("ratio", (("PID_EQ", True), ("I", 0.9), *SWINGS)),
-    Advice("dependent_sum", (("PID_EQ", True), ("I", 2.7), ("wait", 40))),
+    Advice("dependent_sum", (("PID_EQ", True), ("I", 2.7), ("D", 0.437), *NUDGES)),
     Advice("integral_store", (("wait", 30),), before=DEPENDENT),
     Advice("filter", (*FILTER, ("SV", 44.7), ("wait", 60))),
     Advice("filter_content", (*FILTER, ("SV", 44.7), ("wait", 8), ("D", 0.27), ("wait", 40))),
     Advice("tf_unit", (("PID_EQ", True), ("I", 2.7), *FILTER)),
     Advice("bias_joins", (("D", 0.437), ("BIAS", 3.3), *NUDGES)),
-    Advice("kc_off", (("PID_EQ", True), ("I", 2.7), ("wait", 20), ("K", 0.0), ("wait", 12), ("K", 1.3), ("wait", 12))),
+    Advice(
+        "kc_off",
+        (("I", 0.0), ("wait", 16), ("PID_EQ", True), ("I", 2.7), ("wait", 20), ("K", 0.0), ("wait", 12), ("K", 1.3)),
+    ),
     Advice("run_off_filter", (*FILTERED, *STANDSTILL)),
     Advice("manual_filter", (*FILTERED, *MANUAL, ("wait", 30))),
     Advice(

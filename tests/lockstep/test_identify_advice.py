@@ -18,11 +18,19 @@ SOME = {
     "clamped": (1,),
     "en_on_history": (1,),
     "schedule": (1,),
+    "ts_source": (0,),
+    "stop_history": (1,),
+    "run_off_manual": (2,),
+    "preset_mv": (1,),
+    "cross_scan": (0, 1),
+    "cross_band": (1,),
 }
-"""One or two values of axes of every kind, of DPID."""
+"""One or two values of axes of every kind, of DPID where it has them."""
 
 SAMPLE = [
-    (name, advice, value) for name, advice, value in every() if name == "DPID" and value in SOME.get(advice.axis, ())
+    (name, advice, value)
+    for name, advice, value in every()
+    if value in SOME.get(advice.axis, ()) and (name == "DPID" or advice.axis.startswith("cross"))
 ]
 
 
