@@ -167,7 +167,6 @@ class World(Watched):
         self.follower = Follower(loop)
         self.poll_ns = poll_ms * MILLISECOND
         self.events = []
-        self.near: float | None = None
 
     def _step(self) -> Step | None:
         """What triggers an execution: a gate in a directory of its own."""
