@@ -176,7 +176,10 @@ class Calls:
         if loop.controller.tunes(after.inputs, after.seen) or loop.controller.tunes(before.inputs, before.seen):
             self._shadow = ()
             return Execution(Verdict.UNOBSERVABLE, reason=TUNING, inputs=after.inputs, count=calls)
-        fresh = started(loop, before, after, one_call=calls == 1)
+
+        def fresh() -> Shadow:
+            return started(loop, before, after, one_call=calls == 1)
+
         variants = reads(loop, before, after)
         reason = ""
         if calls > 1:
@@ -186,12 +189,12 @@ class Calls:
         elif not self._shadow:
             reason = f"what the block remembers is hidden: it is {loop.controller.roles.starts}"
         if reason:
-            self._shadow = fresh
+            self._shadow = fresh()
             return Execution(Verdict.UNOBSERVABLE, reason=reason, inputs=after.inputs, count=calls)
         found = explain(loop, self._shadow, variants, after.seen)
         if found.fits:
             self._is_apart = False
-            self._shadow = merged(fit.after for fit in found.fits) or fresh
+            self._shadow = merged(fit.after for fit in found.fits) or fresh()
             return self._agreed(found.fits[0], before, after, is_decided=found.is_decided)
         nearest = found.nearest
         assert nearest is not None
@@ -204,7 +207,7 @@ class Calls:
         # Without a counter the value may have been written by somebody, and no call at all have happened.
         kept = self._shadow if may_be_written(loop, before, after) and not self._is_apart else ()
         self._is_apart = True
-        self._shadow = merged((rejoined(loop, nearest.after.low, after.seen), *fresh, *kept))
+        self._shadow = merged((rejoined(loop, nearest.after.low, after.seen), *fresh(), *kept))
         proof = self._proof(nearest, after.seen)
         if proof is not None:
             reason = f"agrees by {proof.value} only; the tolerance of the profile allows it"

@@ -33,6 +33,12 @@ POLLS = 8
 Move = tuple[Any, ...]
 
 
+class Operated(World):
+    """A world in which an operator sets what the sensor shows; `near` moves on by a last digit with each picture."""
+
+    near: float | None = None
+
+
 @dataclass(frozen=True)
 class Advice:
     """One axis, the loop before, and what is done to it.
@@ -46,7 +52,6 @@ class Advice:
         before: What the loop has at the start, beside `PLAIN`.
         world: What the fake PLC is given, beside the usual.
         values: The values that are walked, all of them where None.
-        beside: Axes that must have another value than their default for this one to show.
         left: What stays open beside a value, because it does the same whatever an operator does.
     """
 
@@ -55,7 +60,6 @@ class Advice:
     before: dict[str, Any] = field(default_factory=dict)
     world: dict[str, Any] = field(default_factory=dict)
     values: tuple[int, ...] | None = None
-    beside: dict[str, int] = field(default_factory=dict)
     left: dict[int, tuple[int, ...]] = field(default_factory=dict)
 
 
@@ -240,8 +244,8 @@ def alike(name: str, advice: Advice, value: int) -> tuple[int, ...]:
 
 
 def _dialect(advice: Advice, value: int) -> Any:
-    beside: Any = {axis: AXES[axis](held) for axis, held in advice.beside.items()}
-    return DEFAULT._replace(**{**beside, advice.axis: AXES[advice.axis](value)})
+    chosen: Any = {advice.axis: AXES[advice.axis](value)}
+    return DEFAULT._replace(**chosen)
 
 
 async def walked(name: str, advice: Advice, value: int, *, is_taken: bool = True) -> Learned:
@@ -249,7 +253,7 @@ async def walked(name: str, advice: Advice, value: int, *, is_taken: bool = True
     dialect = _dialect(advice, value)
     settings = {"cycle_ms": 100, "poll_ms": 25, "scan_ms": 5, **advice.world}
     start = {GAINS[name].get(key, key): held for key, held in {**PLAIN, **advice.before}.items()}
-    world = World(
+    world = Operated(
         name,
         start,
         plant=PLANT,
@@ -266,7 +270,7 @@ async def walked(name: str, advice: Advice, value: int, *, is_taken: bool = True
     return learn(world.station, {"L1": pictures})[0]
 
 
-async def _watched(world: World, pictures: list[Picture], polls: int) -> None:
+async def _watched(world: Operated, pictures: list[Picture], polls: int) -> None:
     for _ in range(polls):
         if world.near is not None:
             world.near += 0.01
@@ -275,7 +279,7 @@ async def _watched(world: World, pictures: list[Picture], polls: int) -> None:
         pictures.extend(each for each in await world.sampler.pictures() if isinstance(each, Picture))
 
 
-async def _moved(world: World, name: str, move: Move, pictures: list[Picture]) -> None:
+async def _moved(world: Operated, name: str, move: Move, pictures: list[Picture]) -> None:
     what = move[0]
     if what == "wait":
         await _watched(world, pictures, move[1])
@@ -298,7 +302,7 @@ async def _moved(world: World, name: str, move: Move, pictures: list[Picture]) -
         await _watched(world, pictures, 0 if isinstance(what, tuple) and len(move) == 1 else POLLS)
 
 
-def _done(world: World, name: str, move: Move) -> None:
+def _done(world: Operated, name: str, move: Move) -> None:
     what, *rest = move
     if what == "STOP":
         world.plc.stop()
@@ -316,7 +320,7 @@ def _done(world: World, name: str, move: Move) -> None:
         world.plc.write("L1", GAINS[name].get(what, what), rest[0])
 
 
-def _en(world: World, is_on: bool) -> None:
+def _en(world: Operated, is_on: bool) -> None:
     """Switch the contact by which the program calls the instruction."""
     device = world.loop.en
     assert device is not None

@@ -168,7 +168,6 @@ class World(Watched):
         self.poll_ns = poll_ms * MILLISECOND
         self.events = []
         self.looks: list[Picture] = []
-        self.near: float | None = None
 
     def _step(self) -> Step | None:
         """What triggers an execution: a gate in a directory of its own."""
