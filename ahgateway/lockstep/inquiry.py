@@ -18,6 +18,7 @@ from dataclasses import replace
 from typing import Any
 
 from ahgateway.codec.station import Loop
+from ahgateway.core.controllers.delta_terms import ticks_per_second
 from ahgateway.core.real import REAL
 from ahgateway.core.verdict import Verdict, Weight
 from ahgateway.lockstep.causes import FORM_BITS, sized_again
@@ -179,6 +180,9 @@ class Rival:
 
     def rests(self, before: Picture, after: Picture, most: int) -> None:
         """Go on through up to `most` executions that changed no word: what is hidden may have moved."""
+        if self._loop.controller.law_ts is not None and ticks_per_second(self._loop.dialect):
+            # Where Ts is measured each tick of the clock is a memory of its own: too many to go on with.
+            return
         self._shadow = lingered(self._loop, self._shadow, before, after, most)
 
     def explains(self, before: Picture, after: Picture, most: int) -> bool:
