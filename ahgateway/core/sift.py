@@ -287,7 +287,7 @@ def advanced(
         slack = max(1, -(-scan_ms * per_second // 1000))
         first, last = max(1, nominal - slack), nominal + slack
         if (last - first > FEW or end > begin) and not hides:
-            first, last = cut(operands, dialect, lowest, seen, judged, first, last)
+            first, last = cut(operands, dialect, lowest, highest, seen, judged, first, last)
         if last - first > MANY or (end - begin + 1) * (last - first + 1) > PAIRS:
             return kept if dialect[FIRST_ASKED] >= 0 else -1
     for position in range(begin, end + 1):
@@ -487,10 +487,14 @@ def remembers_ts(operands: Any) -> bool:
     return bool(extended and operands.td_kd > ZERO)
 
 
-def cut(operands: Any, dialect: Any, state: Any, seen: Any, judged: Any, first: int, last: int) -> tuple[int, int]:
+def cut(
+    operands: Any, dialect: Any, state: Any, highest: Any, seen: Any, judged: Any, first: int, last: int
+) -> tuple[int, int]:
     """Cut a range of ticks down to those that put I_MV right, or MV where I_MV does not depend on them.
 
     Each is monotone in the interval as long as neither a limit nor a transfer has a part in it; else the range stays.
+    While the content is open I_MV alone cuts, and only where no content between both ends brings a limit in: to each
+    content MV gives other ticks.
     """
     near, near_terms = step(operands, state, dialect, law_ts(operands, dialect, first))
     far, far_terms = step(operands, state, dialect, law_ts(operands, dialect, last))
@@ -498,6 +502,16 @@ def cut(operands: Any, dialect: Any, state: Any, seen: Any, judged: Any, first: 
     if flags != far_terms.flags or flags & (flag.BUMPLESS | flag.BAD_INPUT) or dialect[FIRST_ASKED] >= 0:
         return first, last
     by_i = not same(near.i, far.i)
+    if is_open(state, highest):
+        _, least_terms = step(operands, highest, dialect, law_ts(operands, dialect, first))
+        _, most_terms = step(operands, highest, dialect, law_ts(operands, dialect, last))
+        if not by_i or flags & FROZEN or least_terms.flags != flags or most_terms.flags != flags:
+            return first, last
+        if not (is_clear(operands, least_terms, first, last) and is_clear(operands, most_terms, first, last)):
+            return first, last
+    if by_i and flags & FROZEN:
+        # Computed back from MV it is not monotone: D stands in it twice, and all but cancels.
+        return first, last
     if (
         by_i
         and same(state.i, seen[1])

@@ -103,3 +103,22 @@ def test_a_measured_interval_is_an_unknown_on_its_grid(name: str, source: str) -
 
         assert found.unexplained is None, seed
         assert set() == lost(found, dialect), seed
+
+
+@pytest.mark.parametrize(
+    ("name", "seed", "first", "last"),
+    [
+        # I_MV is computed back from MV, in which D stands twice: it is not monotone in the interval.
+        ("DPID", 55, 0, 120),
+        # E is 0 while the content of the filter is open: MV puts other ticks right for each content.
+        ("DPIDE", 31, 180, 280),
+    ],
+)
+def test_ticks_are_cut_down_only_where_it_is_proof(name: str, seed: int, first: int, last: int) -> None:
+    dialect = told(name, random_dialect(seed, without=("pv_word",)))
+    observations = trace(name, dialect, seed, last)[first:]
+    whole = {axis: int(value) for axis, value in dialect._asdict().items()}
+    found = identify(loop_of(name), observations, compiled=False, starts=[whole])
+
+    assert found.unexplained is None
+    assert found.executions > 0
