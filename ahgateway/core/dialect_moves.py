@@ -315,13 +315,13 @@ MOVES: dict[str, Move] = {
         "after an execution, three times"
     ),
     "run_off_manual": Move(
-        "SV - PV not 0: PID_MAN on, PID_RUN off, PID_MAN off, PID_RUN on; then PID_RUN off, PID_MAN on, PID_MAN off "
-        "and PID_RUN on in one write; 3 CYCLEs each",
+        "with a CYCLE of 2 s, SV - PV not 0: PID_MAN on, PID_RUN off, PID_MAN off, PID_RUN on, 2 CYCLEs each; then "
+        "PID_RUN off, PID_MAN on, and between two executions PID_MAN off and PID_RUN on",
         after=("transfer",),
         alike=NO_TRANSFER,
     ),
     "preset_mv": Move(
-        "PID_MAN on for 3 CYCLEs, then another MOUT and PID_MAN off in one write, or between two executions; 3 CYCLEs",
+        "with a CYCLE of 2 s: PID_MAN on for 2 CYCLEs, then between two executions another MOUT and PID_MAN off",
         after=("transfer",),
         alike=NO_TRANSFER,
     ),
