@@ -137,7 +137,7 @@ def _input_content(loop: Loop, before: Picture, after: Picture, low: float, high
     kd = float(gain(read.td_kd)) * (float(gain(read.kc_kp)) if read.pid_eq else 1.0)
     if not tf > 0 or dialect.filter == Filter.IGNORED:
         return REAL(x), REAL(x)
-    spans = [float(ts) for ts in intervals(loop, read)]
+    spans = [float(ts) for ts in intervals(loop, read).values]
     ends: list[float] = []
     for ts in (min(spans), max(spans)):
         # The difference of two numbers near x loses what they are rounded by.

@@ -240,7 +240,7 @@ def _just_before(loop: Loop, before: Picture, after: Picture) -> Picture | None:
 
 def explains(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) -> bool:
     """Tell whether some number of executions leaves the words as they are, but for an MOUT that was written since."""
-    return any(each.found.fits for each in _counts(loop, shadow, before, after, most, _but_mout(loop)))
+    return any(each.found.may_fit for each in _counts(loop, shadow, before, after, most, _but_mout(loop)))
 
 
 def _but_mout(loop: Loop) -> tuple[str, ...]:
@@ -261,7 +261,7 @@ def _counts(
     for executions in range(1, min(most, COUNT_MAX) + 1):
         reached = merged((*all_early, *switched))
         found = explain(loop, reached, variants, after.seen, names)
-        yield _Count(executions, reached, found, is_whole and bool(reached))
+        yield _Count(executions, reached, found, is_whole and bool(reached) and found.is_whole)
         switched = () if is_still else advanced(loop, reached, late)
         all_early = advanced(loop, all_early, early)
         is_whole = is_whole and bool(all_early and (is_still or switched))

@@ -269,7 +269,7 @@ class Follower:
         """Tell whether an execution now would change no word."""
         shadow = self._shadow or recalled(self.loop, (after.inputs,), after.seen)
         variants = input_variants(self.loop, before, after)
-        return bool(explain(self.loop, shadow, variants, after.seen, judged_names(self.loop)).fits)
+        return explain(self.loop, shadow, variants, after.seen, judged_names(self.loop)).may_fit
 
     def _estimate(self, before: Picture, after: Picture) -> float:
         """How many executions there were between two pictures, as well as that is known."""

@@ -6,52 +6,89 @@ has elapsed and is noticed one scan later at most. This file decides which value
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
 from ahgateway.codec.station import Loop
+from ahgateway.core import flags as flag
 from ahgateway.core.controllers.delta_terms import ticks_per_second
+from ahgateway.core.dialect import Freeze
 from ahgateway.core.real import REAL, bits, quiet
 
 INTERVALS_MAX = 512
-"""More possible intervals than this are tried only after I_MV has thinned them out."""
+"""More possible intervals than this are only sampled, once I_MV has thinned them out."""
+
+SAMPLES = 8
+"""So many of them are tried where they are too many: enough to see whether all leave the same words."""
 
 
-def intervals(loop: Loop, inputs: Any, state: Any = None, i_seen: REAL | None = None) -> tuple[REAL, ...]:
+class Intervals(NamedTuple):
+    """Values of Ts that an execution can have computed with.
+
+    Attributes:
+        values: As the law takes them; never empty.
+        is_whole: These are all that can come out with the I_MV that was seen; else a sample, which proves nothing.
+    """
+
+    values: tuple[REAL, ...]
+    is_whole: bool = True
+
+
+def intervals(loop: Loop, inputs: Any, ends: Sequence[Any] = (), i_seen: REAL | None = None) -> Intervals:
     """Return every Ts that an execution can have computed with, as the law takes it; one where nothing is measured.
 
     Args:
         loop: The loop with its dialect and its longest scan.
         inputs: What the execution read.
-        state: State before it, for a fine grid.
+        ends: The two states between which the one before it lies, for a fine grid.
         i_seen: I_MV behind it, for a fine grid.
     """
     controller, dialect = loop.controller, loop.dialect
     per_second = ticks_per_second(dialect) if controller.law_ts is not None else 0
     if not per_second:
-        return (controller.ts(inputs, dialect),)
+        return Intervals((controller.ts(inputs, dialect),))
     nominal = round(float(controller.nominal_ts(inputs)) * per_second)
     slack = max(1, -(-loop.scan_ms_max * per_second // 1000))
     first, last = max(1, nominal - slack), nominal + slack
-    if last - first > INTERVALS_MAX and state is not None and i_seen is not None:
-        first, last = _thinned(loop, inputs, state, i_seen, first, last)
-    stride = max(1, (last - first) // INTERVALS_MAX)
+    is_whole = last - first <= INTERVALS_MAX
+    if not is_whole and ends and i_seen is not None and _is_monotone(loop, inputs, ends, (first, nominal, last)):
+        first, last, is_whole = _thinned(loop, inputs, ends[0], i_seen, first, last)
+    stride = 1 if last - first <= INTERVALS_MAX else (last - first) // SAMPLES
     found = {}
     for ticks in (nominal, *range(first, last + 1, stride), last):
         if first <= ticks <= last:
             ts = controller.ts(inputs, dialect, ticks)
             found[bits(ts)] = ts
-    return tuple(found.values())
+    return Intervals(tuple(found.values()), is_whole)
 
 
-def _thinned(loop: Loop, inputs: Any, state: Any, i_seen: REAL, first: int, last: int) -> tuple[int, int]:
-    """Cut a range of ticks down to those with which the integral comes out as seen; I is monotone in Ts."""
+def _integral(loop: Loop, inputs: Any, state: Any, ticks: int) -> tuple[REAL, int]:
+    """I_MV and the flags behind an execution of so many ticks."""
+    with quiet(all="ignore"):
+        after, terms = loop.controller.step(
+            inputs, state, loop.dialect, loop.controller.ts(inputs, loop.dialect, ticks)
+        )
+    return after.i, terms.flags
+
+
+def _is_monotone(loop: Loop, inputs: Any, ends: Sequence[Any], ticks: Sequence[int]) -> bool:
+    """Tell whether the integral runs one way with Ts: not where some Ts freeze it, or it is computed back from MV."""
+    flags, *others = {_integral(loop, inputs, state, each)[1] for state in ends for each in ticks}
+    is_computed_back = flags & flag.BUMPLESS or (
+        flags & (flag.FREEZE_HI | flag.FREEZE_LO) and loop.dialect.freeze == Freeze.BACK_CALCULATED
+    )
+    return not others and not is_computed_back
+
+
+def _thinned(loop: Loop, inputs: Any, state: Any, i_seen: REAL, first: int, last: int) -> tuple[int, int, bool]:
+    """Cut a range of ticks down to those with which the integral comes out as seen; I is monotone in Ts.
+
+    With the range comes whether it is known to the last tick: few enough are left, or none fits.
+    """
 
     def side(ticks: int) -> int:
-        with quiet(all="ignore"):
-            after, _ = loop.controller.step(
-                inputs, state, loop.dialect, loop.controller.ts(inputs, loop.dialect, ticks)
-            )
-        return -1 if after.i < i_seen else (1 if after.i > i_seen else 0)
+        i, _ = _integral(loop, inputs, state, ticks)
+        return -1 if i < i_seen else (1 if i > i_seen else 0)
 
     sign = -1 if side(first) > side(last) else 1
     low, high = first, last
@@ -62,4 +99,4 @@ def _thinned(loop: Loop, inputs: Any, state: Any, i_seen: REAL, first: int, last
     while low < high:
         middle = (low + high + 1) // 2
         low, high = (low, middle - 1) if sign * side(middle) > 0 else (middle, high)
-    return (start, low) if side(start) == 0 else (first, last)
+    return (start, low, low - start <= INTERVALS_MAX) if side(start) == 0 else (first, last, True)

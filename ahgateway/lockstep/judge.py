@@ -45,6 +45,7 @@ KNOWN_MAX = 2
 
 SEEDING = "the first execution seen shows what the instruction remembers; judging starts with the next"
 OPEN_STATE = "what the instruction remembers but does not show is not settled yet"
+FINE_CLOCK = "Ts is measured by a clock so fine that more intervals than can be tried come out with this I_MV"
 SEVERAL = "more than one execution fitted between two pictures; poll faster than CYCLE"
 UNRECORDED_PV = "in manual this dialect records no PV, so that the integral cannot be predicted"
 TUNING = "PID_MODE is 1: the auto-tuner's law is not published"
@@ -111,6 +112,10 @@ def judge(
     names = judged_names(loop)
     variants = input_variants(loop, before, after)
     found = explain(loop, shadow, variants, after.seen, names)
+    if not found.is_whole:
+        unknown = Execution(Verdict.UNOBSERVABLE, reason=FINE_CLOCK, inputs=after.inputs)
+        execution = _agreed(loop, found, names, before, after) if found.is_decided else unknown
+        return execution, _fresh(loop, before, after)
     if found.fits:
         again = None
         if not found.is_decided and suspects and executions_max == 1:

@@ -90,12 +90,19 @@ class Explanation:
         is_decided: The words were predicted before they were seen: all that was open predicted the same.
         nearest: The prediction that comes closest, decided or not, when nothing fits.
         distance: Rank of `nearest`: how many words it misses, then by how much.
+        is_whole: Every Ts that the execution can have had was tried; else it may have fitted with one that was not.
     """
 
     fits: tuple[Fit, ...]
     is_decided: bool
     nearest: Fit | None
     distance: int = 0
+    is_whole: bool = True
+
+    @property
+    def may_fit(self) -> bool:
+        """Tell whether the execution fits, or may with a Ts that was not tried."""
+        return bool(self.fits) or not self.is_whole
 
 
 def state_key(state: Any) -> tuple[int, ...]:
@@ -274,14 +281,16 @@ def explain(
 ) -> Explanation:
     """Find every way in which one execution turns the shadow into the words that were seen under `names`."""
     fits: list[Fit] = []
-    is_decided = False
+    is_decided, is_whole = False, True
     nearest: tuple[int, Fit] | None = None
     shown = _key(names, seen)
     for inputs in variants:
         by_interval: dict[int, set[tuple[int, ...]]] = {}
         fitting: list[Fit] = []
         for bound, is_part in _split(loop, _passed_unseen(loop, inputs, shadow)):
-            for ts in intervals(loop, inputs, bound.low, seen.get("I_MV")):
+            possible = intervals(loop, inputs, bound, seen.get("I_MV"))
+            is_whole = is_whole and possible.is_whole
+            for ts in possible.values:
                 after, low_terms, high_terms = stepped(loop, inputs, bound, ts)
                 low = predicted(loop.controller, after.low, low_terms)
                 low_key = high_key = _key(names, low)
@@ -308,10 +317,10 @@ def explain(
                     nearest = (missed, fit)
         if fitting:
             fits.extend(each for fit in fitting for each in unrecorded(loop, fit))
-            is_decided = is_decided or _is_told(by_interval, fitting)
+            is_decided = is_decided or _is_told(by_interval, fitting, is_whole)
     if nearest is None:
         return Explanation(tuple(fits), is_decided, None)
-    return Explanation(tuple(fits), is_decided, nearest[1], nearest[0])
+    return Explanation(tuple(fits), is_decided, nearest[1], nearest[0], is_whole)
 
 
 def _split(loop: Loop, shadow: Shadow) -> Iterator[tuple[Bound, bool]]:
@@ -381,10 +390,10 @@ def _is_excluded(
     return any(same_bits(low[name], high[name]) and not same_bits(low[name], seen[name]) for name in names)
 
 
-def _is_told(by_interval: Mapping[int, set[tuple[int, ...]]], fitting: list[Fit]) -> bool:
+def _is_told(by_interval: Mapping[int, set[tuple[int, ...]]], fitting: list[Fit], is_whole: bool) -> bool:
     """One interval alone reproduces the words, or all predict the same; and with it, so does all that was open."""
     intervals_that_fit = {bits(fit.ts) for fit in fitting if fit.ts is not None}
-    if len(intervals_that_fit) == 1:
+    if len(intervals_that_fit) == 1 and is_whole:
         return len(by_interval[intervals_that_fit.pop()]) == 1
     return len(set().union(*by_interval.values())) == 1
 

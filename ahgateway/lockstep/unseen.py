@@ -31,7 +31,10 @@ def advanced(loop: Loop, shadow: Shadow, inputs: Any) -> Shadow:
     """
     found: list[Bound] = []
     for bound in shadow:
-        for ts in intervals(loop, inputs):
+        possible = intervals(loop, inputs)
+        if not possible.is_whole:
+            return ()
+        for ts in possible.values:
             parts = _alike(loop, inputs, bound, ts)
             if not parts:
                 return ()

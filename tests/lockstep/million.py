@@ -20,6 +20,7 @@ from ahgateway.core.dialect import Dialect
 from ahgateway.core.fast import column_types, walk
 from ahgateway.core.operands import Kind
 from ahgateway.core.verdict import Counts
+from ahgateway.fake.faults import Step
 from ahgateway.lockstep.follow import Follower
 from ahgateway.recording import layout
 from ahgateway.recording.reader import spans
@@ -30,13 +31,13 @@ STRETCH = 50
 """An operator changes something about so often, in executions."""
 
 
-def recorded(law: str, dialect: Dialect, executions: int, seed: int) -> Counts:
-    """Judge so many executions, each seen with what it read, as a recorder in the PLC shows them."""
+def recorded(law: str, dialect: Dialect, executions: int, seed: int, step: Step | None = None) -> Counts:
+    """Judge so many executions of a law, or of a wrong one, each seen with what it read, as a recorder shows them."""
     total = Counts()
     for part in range(0, executions, RECORDED_PART):
         count = min(RECORDED_PART, executions - part)
         follower = Follower(replace(loop_of(law), dialect=dialect))
-        for each in trace(law, dialect, seed + part, count):
+        for each in trace(law, dialect, seed + part, count, step):
             seen = replace(each.after, inputs=each.before.inputs, executions=(1, 1), is_exact=True)
             follower.see(seen)
         total += follower.counts
