@@ -44,8 +44,15 @@ def is_anchor(loop: Loop, pairs: Sequence[tuple[Picture, Picture]], number: int,
         return True
     if not is_next or number == 0 or (read.pid_eq and not read.kc_kp > 0):
         return False
+    if _form(pairs[number - 1][1].inputs) != _form(read):
+        # The integral may have been rescaled before it was used, and no word shows that.
+        return False
     # The execution before was plain too, so that this one is no transfer from manual.
     return is_plain(loop, pairs[number - 1]) and is_plain(loop, pairs[number])
+
+
+def _form(read: Any) -> tuple[bool, bool, bool]:
+    return read.pid_eq, read.pid_de, read.pid_dir
 
 
 def is_lost(shadow: Shadow) -> bool:
