@@ -36,14 +36,13 @@ from ahgateway.lockstep.shadow import (
     forgotten,
     input_variants,
     judged_names,
-    lingered,
     merged,
     recalled,
     restarted,
     without_pv,
 )
 from ahgateway.lockstep.suspects import Suspect
-from ahgateway.lockstep.unseen import refreshed
+from ahgateway.lockstep.unseen import lingered, refreshed
 
 STALL_CYCLES = 3
 """After this many CYCLEs without an execution that must have changed a word, the loop stands still."""

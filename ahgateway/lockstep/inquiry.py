@@ -33,12 +33,12 @@ from ahgateway.lockstep.shadow import (
     input_variants,
     is_settled,
     judged_names,
-    lingered,
     merged,
     patched,
     recalled,
 )
 from ahgateway.lockstep.suspects import Blame, Estimate, Key, Suspect, agreeing, scaled, stretched
+from ahgateway.lockstep.unseen import lingered
 
 RIVALS_MAX = 32
 SHARE_MIN = 0.85

@@ -517,28 +517,6 @@ def _side(loop: Loop, inputs: Any, state: Any, seen: Mapping[str, REAL], names: 
     return -1 if seen["MV"] >= max(inputs.mv_max, inputs.mv_min) else 1
 
 
-def lingered(loop: Loop, shadow: Shadow, before: Picture, after: Picture, executions_max: int) -> Shadow:
-    """Add what up to `executions_max` executions that changed no word can have left hidden."""
-    names = tuple(name for name in judged_names(loop) if name != "MOUT")
-    bounds = list(shadow)
-    front = list(shadow)
-    known = {(state_key(bound.low), state_key(bound.high)) for bound in bounds}
-    variants = input_variants(loop, before, after)
-    for _ in range(min(executions_max, 4)):
-        reached = [fit.after for bound in front for fit in explain(loop, (bound,), variants, after.seen, names).fits]
-        front = []
-        for bound in reached:
-            key = (state_key(bound.low), state_key(bound.high))
-            if key not in known:
-                known.add(key)
-                front.append(bound)
-        if not front:
-            break
-        bounds.extend(front)
-    # Nothing new: what stood apart stays apart.
-    return shadow if len(bounds) == len(shadow) else merged(bounds)
-
-
 def restarted(shadow: Shadow) -> Shadow:
     """Add the possibility that the instruction has lost its history, as after a restart or a long gap."""
     return merged([*shadow, *forgotten(shadow)])

@@ -18,7 +18,21 @@ from ahgateway.core.real import REAL, from_order, order, quiet, same_bits
 from ahgateway.lockstep import loose
 from ahgateway.lockstep.interval import intervals
 from ahgateway.lockstep.picture import Picture
-from ahgateway.lockstep.shadow import Bound, Fit, Shadow, first_for, merged, open_attr, open_terms, stepped, unrecorded
+from ahgateway.lockstep.shadow import (
+    Bound,
+    Fit,
+    Shadow,
+    explain,
+    first_for,
+    input_variants,
+    judged_names,
+    merged,
+    open_attr,
+    open_terms,
+    state_key,
+    stepped,
+    unrecorded,
+)
 
 ADVANCED_MAX = 512
 """More states than this behind an unseen execution are not even sorted: where Ts is measured, each is its own."""
@@ -50,6 +64,28 @@ def advanced(loop: Loop, shadow: Shadow, inputs: Any) -> Shadow:
         if len(found) > ADVANCED_MAX:
             return ()
     return merged(found)
+
+
+def lingered(loop: Loop, shadow: Shadow, before: Picture, after: Picture, executions_max: int) -> Shadow:
+    """Add what up to `executions_max` executions that changed no word can have left hidden."""
+    names = tuple(name for name in judged_names(loop) if name != "MOUT")
+    bounds = list(shadow)
+    front = list(shadow)
+    known = {(state_key(bound.low), state_key(bound.high)) for bound in bounds}
+    variants = input_variants(loop, before, after)
+    for _ in range(min(executions_max, 4)):
+        reached = [fit.after for bound in front for fit in explain(loop, (bound,), variants, after.seen, names).fits]
+        front = []
+        for bound in reached:
+            key = (state_key(bound.low), state_key(bound.high))
+            if key not in known:
+                known.add(key)
+                front.append(bound)
+        if not front:
+            break
+        bounds.extend(front)
+    # Nothing new: what stood apart stays apart.
+    return shadow if len(bounds) == len(shadow) else merged(bounds)
 
 
 def refreshed(loop: Loop, picture: Picture) -> REAL | None:
