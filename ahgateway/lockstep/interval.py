@@ -6,7 +6,7 @@ has elapsed and is noticed one scan later at most. This file decides which value
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from ahgateway.codec.station import Loop
@@ -91,12 +91,17 @@ def _thinned(loop: Loop, inputs: Any, state: Any, i_seen: REAL, first: int, last
         return -1 if i < i_seen else (1 if i > i_seen else 0)
 
     sign = -1 if side(first) > side(last) else 1
-    low, high = first, last
-    while low < high:
+    start = first_for(first, last, lambda ticks: sign * side(ticks) >= 0)
+    end = first_for(start, last, lambda ticks: sign * side(ticks) > 0) - 1
+    return (start, end, end - start <= INTERVALS_MAX) if start <= end else (first, last, True)
+
+
+def first_for(low: int, high: int, holds: Callable[[int], bool]) -> int:
+    """Smallest position in low…high for which a monotone condition holds; high + 1 when it never does."""
+    while low <= high:
         middle = (low + high) // 2
-        low, high = (low, middle) if sign * side(middle) >= 0 else (middle + 1, high)
-    start, high = low, last
-    while low < high:
-        middle = (low + high + 1) // 2
-        low, high = (low, middle - 1) if sign * side(middle) > 0 else (middle, high)
-    return (start, low, low - start <= INTERVALS_MAX) if side(start) == 0 else (first, last, True)
+        if holds(middle):
+            high = middle - 1
+        else:
+            low = middle + 1
+    return low

@@ -13,7 +13,7 @@ reproduces the words, if there is one.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import combinations
@@ -27,7 +27,7 @@ from ahgateway.core.controllers.dpide import D_BOUND
 from ahgateway.core.dialect import Clamped, CrossBand, CrossScan, FilterContent, Freeze, Limits, ManualFilter
 from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits
 from ahgateway.lockstep import loose
-from ahgateway.lockstep.interval import intervals
+from ahgateway.lockstep.interval import first_for, intervals
 from ahgateway.lockstep.picture import Picture, predicted
 
 BOUNDS_MAX = 48
@@ -483,17 +483,6 @@ def _joined(fits: list[Fit]) -> list[Fit]:
     after = Bound(fits[0].after.low._replace(d=contents[0]), fits[0].after.low._replace(d=contents[-1]))
     open_ones = open_terms(fits[0].terms, fits[-1].terms)
     return [Fit(fits[0].inputs, before, after, fits[0].terms, open_ones, fits[0].ts)]
-
-
-def first_for(low: int, high: int, holds: Callable[[int], bool]) -> int:
-    """Smallest position in low…high for which a monotone condition holds; high + 1 when it never does."""
-    while low <= high:
-        middle = (low + high) // 2
-        if holds(middle):
-            high = middle - 1
-        else:
-            low = middle + 1
-    return low
 
 
 def _side(loop: Loop, inputs: Any, state: Any, seen: Mapping[str, REAL], names: tuple[str, ...], ts: REAL) -> int:

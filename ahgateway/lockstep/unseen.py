@@ -16,14 +16,13 @@ from ahgateway.core.controllers.delta import limit
 from ahgateway.core.dialect import Freeze, Limits
 from ahgateway.core.real import REAL, from_order, order, quiet, same_bits
 from ahgateway.lockstep import loose
-from ahgateway.lockstep.interval import intervals
+from ahgateway.lockstep.interval import first_for, intervals
 from ahgateway.lockstep.picture import Picture
 from ahgateway.lockstep.shadow import (
     Bound,
     Fit,
     Shadow,
     explain,
-    first_for,
     input_variants,
     judged_names,
     merged,
