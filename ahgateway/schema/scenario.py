@@ -212,8 +212,11 @@ def collected(paths: list[str]) -> list[Scenario]:
                 found.extend(_inside(library() / folder))
         else:
             names = (*SHIPPED, *shipped_folders())
+            folder, _, name = text.partition("/")
+            is_one = folder in names and (library() / folder / f"{name}.toml").is_file()
             raise _missing(
-                f"`{text}` is no file, no folder and no shipped set; shipped are {', '.join(names)}", near(text, names)
+                f"`{text}` is no file, no folder and no shipped set; shipped are {', '.join(names)}",
+                f"one scenario of a set is picked with `{folder} -k {name}`" if is_one else near(text, names),
             )
     return _distinct(found)
 

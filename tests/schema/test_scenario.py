@@ -191,6 +191,9 @@ def test_a_path_that_leads_nowhere_names_what_is_shipped(tmp_path: Path) -> None
     with pytest.raises(ProfileError, match="shipped are conformance, dpid, dpide") as caught:
         collected(["dpidd"])
     assert "did you mean `dpid`?" == caught.value.hint
+    with pytest.raises(ProfileError) as one:
+        collected(["dpid/saturation"])
+    assert "one scenario of a set is picked with `dpid -k saturation`" == one.value.hint
     with pytest.raises(ProfileError, match="holds no scenario"):
         collected([str(tmp_path)])
 
