@@ -16,6 +16,9 @@ MANUAL = 128
 STOPPED = 256
 AUTOTUNE = 512
 
+FROZEN = FREEZE_HI | FREEZE_LO
+"""At a limit: what would carry the sum further is not integrated."""
+
 NAMES: dict[int, str] = {
     FREEZE_HI: "FREEZE_HI",
     FREEZE_LO: "FREEZE_LO",

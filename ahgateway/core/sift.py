@@ -22,6 +22,8 @@ from ahgateway.core import flags as flag
 from ahgateway.core.compiling import AXIS_COUNT, FIRST_ASKED
 from ahgateway.core.controllers.delta_terms import is_rough, ticks_per_second
 from ahgateway.core.real import REAL
+from ahgateway.core.sides import NEVER, ZERO, is_open, remembers_ts, same, side
+from ahgateway.core.ticks import cut
 
 DONE, ASKED, FELL, LOST = 0, 1, 2, 3
 """Why a walk stopped: at its end; an open axis was read; no element was left; it cannot be followed by bits."""
@@ -29,7 +31,6 @@ DONE, ASKED, FELL, LOST = 0, 1, 2, 3
 NEAR = 32
 """How many of the elements found last are looked through for one that is the same."""
 
-FROZEN = flag.FREEZE_HI | flag.FREEZE_LO
 FEW = 8
 """So few ticks of a clock are tried one by one."""
 
@@ -41,10 +42,6 @@ CONTENTS = 256
 
 PAIRS = 8192
 """More pairs of a content and a tick than this are not tried for one element."""
-
-NEVER = 2
-ZERO = REAL(0)
-ONE = REAL(1)
 
 # Filled in for each law by `sieve`: its step and interval, and small functions made from its tuples.
 step: Any = None
@@ -330,7 +327,7 @@ def fitted(
     far, far_terms = step(operands, highest, dialect, ts)
     if dialect[FIRST_ASKED] >= 0:
         return kept
-    if (terms.flags ^ far_terms.flags) & FROZEN:
+    if (terms.flags ^ far_terms.flags) & flag.FROZEN:
         return -1
     there = side(far, far_terms, seen, judged, hides)
     if where == 0 and there == 0:
@@ -369,30 +366,6 @@ def side_at(
     """Where the words lie with the content at this position."""
     after, terms = step(operands, with_content(state, real_at(position)), dialect, ts)
     return side(after, terms, seen, judged, hides)
-
-
-def side(after: Any, terms: Any, seen: Any, judged: Any, hides: bool) -> int:
-    """Where an execution's words lie: -1 below what was seen, 0 on it, 1 above, NEVER where D has no part in it.
-
-    MV rises with D, and I_MV, where D has a part in it, falls.
-    """
-    pv, i, mv, mout = words(after, terms)
-    if judged[0] and not same(pv, seen[0]):
-        return NEVER
-    if judged[2] and not same(mv, seen[2]):
-        return -1 if mv < seen[2] else (1 if mv > seen[2] else NEVER)
-    if judged[1] and not hides and not same(i, seen[1]):
-        return -1 if i > seen[1] else (1 if i < seen[1] else NEVER)
-    if judged[3] and not same(mout, seen[3]):
-        return -1 if mout < seen[3] else (1 if mout > seen[3] else NEVER)
-    return 0
-
-
-def same(left: Any, right: Any) -> bool:
-    """Tell whether two REALs have the same bits, where all NaNs are one."""
-    if left == right:
-        return bool(left != ZERO or ONE / left == ONE / right)
-    return bool(left != left and right != right)
 
 
 def added(first: Any, last: Any, seen: Any, hides: bool, exact: bool, next_low: Any, next_high: Any, kept: int) -> int:
@@ -480,101 +453,6 @@ def stands(low: Any, count: int, seen: Any, judged: Any) -> bool:
 def wavers(operands: Any, dialect: Any) -> bool:
     """Tell whether the content has to be followed value by value."""
     return bool(extended and operands.td_kd > ZERO and operands.tf > ZERO and is_rough(dialect))
-
-
-def remembers_ts(operands: Any) -> bool:
-    """Tell whether the interval leaves something hidden."""
-    return bool(extended and operands.td_kd > ZERO)
-
-
-def cut(
-    operands: Any, dialect: Any, state: Any, highest: Any, seen: Any, judged: Any, first: int, last: int
-) -> tuple[int, int]:
-    """Cut a range of ticks down to those that put I_MV right, or MV where I_MV does not depend on them.
-
-    Each is monotone in the interval as long as neither a limit nor a transfer has a part in it; else the range stays.
-    While the content is open I_MV alone cuts, and only where no content between both ends brings a limit in: to each
-    content MV gives other ticks.
-    """
-    near, near_terms = step(operands, state, dialect, law_ts(operands, dialect, first))
-    far, far_terms = step(operands, state, dialect, law_ts(operands, dialect, last))
-    flags = near_terms.flags
-    if flags != far_terms.flags or flags & (flag.BUMPLESS | flag.BAD_INPUT) or dialect[FIRST_ASKED] >= 0:
-        return first, last
-    by_i = not same(near.i, far.i)
-    if is_open(state, highest):
-        _, least_terms = step(operands, highest, dialect, law_ts(operands, dialect, first))
-        _, most_terms = step(operands, highest, dialect, law_ts(operands, dialect, last))
-        if not by_i or flags & FROZEN or least_terms.flags != flags or most_terms.flags != flags:
-            return first, last
-        if not (is_clear(operands, least_terms, first, last) and is_clear(operands, most_terms, first, last)):
-            return first, last
-    if by_i and flags & FROZEN:
-        # Computed back from MV it is not monotone: D stands in it twice, and all but cancels.
-        return first, last
-    if (
-        by_i
-        and same(state.i, seen[1])
-        and not (is_clear(operands, near_terms, first, last) and is_clear(operands, far_terms, first, last))
-    ):
-        return first, last
-    if not by_i and same(near.mv, far.mv) and same(near_terms.d, far_terms.d):
-        if side(near, near_terms, seen, judged, False):
-            return 1, 0
-        return first, last if remembers_ts(operands) else first
-    wanted = seen[1] if by_i else seen[2]
-    if not (judged[1] if by_i else judged[2]):
-        return first, last
-    sign = ONE
-    if (near.i > far.i) if by_i else (near.mv > far.mv):
-        sign = -ONE
-    start, is_free = reached(operands, dialect, state, first, last + 1, sign, wanted, by_i, flags, False)
-    if not is_free:
-        return first, last
-    beyond, is_free = reached(operands, dialect, state, start, last + 1, sign, wanted, by_i, flags, True)
-    return (start, beyond - 1) if is_free else (first, last)
-
-
-def is_clear(operands: Any, terms: Any, first: int, last: int) -> bool:
-    """Tell whether no tick between two can carry the sum over a limit that neither end passes.
-
-    The sum is a line in the interval, and D over it: between the ends it leaves their chord by a part of D that is at
-    most the square of the relative range.
-    """
-    share = REAL(last - first) / REAL(first)
-    bulge = abs(terms.d) * (share * share) + abs(terms.raw) * REAL(1e-5)
-    return bool(abs(terms.raw - operands.mv_max) > bulge and abs(terms.raw - operands.mv_min) > bulge)
-
-
-def reached(
-    operands: Any,
-    dialect: Any,
-    state: Any,
-    start: int,
-    beyond: int,
-    sign: Any,
-    wanted: Any,
-    by_i: bool,
-    flags: int,
-    is_past: bool,
-) -> tuple[int, bool]:
-    """First tick at which what was wanted is reached, or passed; and whether nothing else had a part on the way."""
-    while start < beyond:
-        middle = (start + beyond) // 2
-        after, terms = step(operands, state, dialect, law_ts(operands, dialect, middle))
-        if terms.flags != flags:
-            return start, False
-        value = after.i if by_i else after.mv
-        if sign * value > sign * wanted or (not is_past and value == wanted):
-            beyond = middle
-        else:
-            start = middle + 1
-    return start, True
-
-
-def is_open(lowest: Any, highest: Any) -> bool:
-    """Tell whether the content is open."""
-    return bool(content(lowest) != content(highest))
 
 
 def place(x: Any) -> int:

@@ -42,7 +42,7 @@ from ahgateway.lockstep.judge import OPEN_STATE, Execution
 from ahgateway.lockstep.picture import Picture, predicted
 from ahgateway.lockstep.shadow import Fit, Shadow, judged_names
 
-TRIVIAL_FLAGS = flag.MANUAL | flag.STOPPED | flag.BAD_INPUT | flag.AUTOTUNE | flag.FREEZE_HI | flag.FREEZE_LO
+TRIVIAL_FLAGS = flag.MANUAL | flag.STOPPED | flag.BAD_INPUT | flag.AUTOTUNE | flag.FROZEN
 
 SEVERAL = "more than one call lay between two pictures; poll faster than the calls"
 TUNING = "a tuner of which no law is known is at work"

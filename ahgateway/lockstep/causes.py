@@ -8,7 +8,7 @@ against the loop's other executions.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from math import inf, isfinite, log
 from typing import Any
@@ -199,7 +199,7 @@ def blame_any(
     case = cases[0]
     if is_settled(case.fit.before) and not case.fit.lead and all(each.twist is None for each, _ in found.values()):
         found.update({suspect.key: (suspect, case) for suspect in _two_axes(case)})
-    suspects = tuple(suspect for suspect, _ in found.values())
+    suspects = tuple(replace(suspect, fit=each.fit) for suspect, each in found.values())
     if found:
         _, case = next(iter(found.values()))
     else:

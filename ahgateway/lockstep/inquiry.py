@@ -37,7 +37,7 @@ from ahgateway.lockstep.shadow import (
     patched,
     recalled,
 )
-from ahgateway.lockstep.suspects import Blame, Estimate, Key, Suspect, agreeing, scaled, stretched
+from ahgateway.lockstep.suspects import Estimate, Key, Suspect, agreeing, scaled, stretched
 from ahgateway.lockstep.unseen import lingered
 
 RIVALS_MAX = 32
@@ -94,7 +94,7 @@ class Rival:
         missed: Executions that it does not reproduce.
     """
 
-    def __init__(self, loop: Loop, suspect: Suspect, blame: Blame, before: Picture, after: Picture, most: int) -> None:
+    def __init__(self, loop: Loop, suspect: Suspect, before: Picture, after: Picture, most: int) -> None:
         assert suspect.twist is not None
         self.suspect = suspect
         self.explained = 1
@@ -103,11 +103,11 @@ class Rival:
         self._was_blind = False
         self._ref = loop
         self._loop = suspect.twist(loop)
-        self._shadow = self._behind(blame, before, after, most)
+        self._shadow = self._behind(suspect, before, after, most)
 
-    def _behind(self, blame: Blame, before: Picture, after: Picture, most: int) -> Shadow:
+    def _behind(self, named: Suspect, before: Picture, after: Picture, most: int) -> Shadow:
         """What its law can remember behind an execution, or several, that it was named for."""
-        fit: Fit = blame.fit
+        fit: Fit = named.fit
         if most > 1:
             return merged(each.after for each in reproduced(self._loop, (fit.before,), before, after, most))
         every = []
@@ -124,12 +124,12 @@ class Rival:
         """True while it explains what it is shown."""
         return self._shown * SHARE_MIN <= self._shown - self.missed
 
-    def named_again(self, blame: Blame, before: Picture, after: Picture, most: int) -> None:
+    def named_again(self, named: Suspect, before: Picture, after: Picture, most: int) -> None:
         """An execution that it could not be held against, because it remembered nothing, is explained by it too."""
         if self._was_blind:
             self._shown += 1
             self.explained += 1
-            self._shadow = self._behind(blame, before, after, most) or self._shadow
+            self._shadow = self._behind(named, before, after, most) or self._shadow
 
     @property
     def shadow(self) -> Shadow:
@@ -251,7 +251,7 @@ class Inquiry:
             )
             return execution
         self._show(before, after, has_diverged=True, most=most)
-        self._admit(execution.blame, before, after, most)
+        self._admit(execution.blame.suspects, before, after, most)
         self.suspects = self._standing()
         return replace(execution, blame=replace(execution.blame, suspects=self._ordered(execution.blame.suspects)))
 
@@ -289,15 +289,15 @@ class Inquiry:
             rival.sees(before, after, has_diverged=has_diverged, most=most)
         self._rivals = [rival for rival in self._rivals if rival.is_standing]
 
-    def _admit(self, blame: Blame, before: Picture, after: Picture, most: int) -> None:
+    def _admit(self, named: tuple[Suspect, ...], before: Picture, after: Picture, most: int) -> None:
         known = {rival.suspect.key: rival for rival in self._rivals}
-        for suspect in blame.suspects:
+        for suspect in named:
             self._seen[suspect.key] += 1
             self._named[suspect.key] = suspect
             if suspect.key in known:
-                known[suspect.key].named_again(blame, before, after, most)
+                known[suspect.key].named_again(suspect, before, after, most)
             elif suspect.twist is not None and len(self._rivals) < RIVALS_MAX:
-                self._rivals.append(Rival(self._loop, suspect, blame, before, after, most))
+                self._rivals.append(Rival(self._loop, suspect, before, after, most))
 
     def _standing(self) -> tuple[Suspect, ...]:
         """Laws that explain the divergences, then events that explain most of them, else the unknown."""

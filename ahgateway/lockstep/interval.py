@@ -74,9 +74,7 @@ def _integral(loop: Loop, inputs: Any, state: Any, ticks: int) -> tuple[REAL, in
 def _is_monotone(loop: Loop, inputs: Any, ends: Sequence[Any], ticks: Sequence[int]) -> bool:
     """Tell whether the integral runs one way with Ts: not where some Ts freeze it, or it is computed back from MV."""
     flags, *others = {_integral(loop, inputs, state, each)[1] for state in ends for each in ticks}
-    is_computed_back = flags & flag.BUMPLESS or (
-        flags & (flag.FREEZE_HI | flag.FREEZE_LO) and loop.dialect.freeze == Freeze.BACK_CALCULATED
-    )
+    is_computed_back = flags & flag.BUMPLESS or (flags & flag.FROZEN and loop.dialect.freeze == Freeze.BACK_CALCULATED)
     return not others and not is_computed_back
 
 

@@ -38,7 +38,7 @@ from ahgateway.lockstep.shadow import (
 from ahgateway.lockstep.suspects import Blame, Suspect, agreeing
 from ahgateway.lockstep.unseen import refreshed
 
-TRIVIAL_FLAGS = flag.MANUAL | flag.STOPPED | flag.BAD_INPUT | flag.AUTOTUNE | flag.FREEZE_HI | flag.FREEZE_LO
+TRIVIAL_FLAGS = flag.MANUAL | flag.STOPPED | flag.BAD_INPUT | flag.AUTOTUNE | flag.FROZEN
 
 KNOWN_MAX = 2
 """From so many states that are known causes are tried."""
@@ -193,19 +193,21 @@ def _of_readings(
     """Blame the nearest reading; where that leads nowhere, another one, but only for what no size has to be fitted to.
 
     What is open would bend to any size, and so would a reading that misses more words: a write that came in time for
-    the execution, or too late.
+    the execution, or too late. Where all that a settled state leads to is a size, what an open one does to the bit
+    stands beside it, for later executions to tell.
     """
     settled, still_open = _apart(shadow)
     near, far = _nearest(loop, settled[:KNOWN_MAX] or still_open, variants, after)
     blamed = _blamed(loop, near, before, after, suspects)
-    if blamed.cause != "unknown":
-        return blamed
-    others = [far]
-    if settled and still_open:
+    is_known = blamed.cause != "unknown"
+    others = [] if is_known else [far]
+    if settled and still_open and all(each.estimate is not None or not is_known for each in blamed.suspects):
         others.extend(_nearest(loop, still_open, variants, after))
     for fits in others:
         other = blame_any(loop, fits, before, after) if fits else blamed
         exact = tuple(each for each in other.suspects if each.twist is not None and each.estimate is None)
+        if exact and is_known:
+            return replace(blamed, suspects=(*blamed.suspects, *exact))
         if exact:
             return replace(other, suspects=exact)
     return blamed

@@ -153,7 +153,7 @@ def is_excluded(
     The integral is one where neither end is limited, MV is not at a limit, and it does not follow from D; else where
     that can be shown of both ends, as of a transfer that takes MV for the integral.
     """
-    is_set = bool(fit.terms.flags & (NOT_FREE | flag.FREEZE_HI | flag.FREEZE_LO))
+    is_set = bool(fit.terms.flags & (NOT_FREE | flag.FROZEN))
     edges = (fit.inputs.mv_min, fit.inputs.mv_max)
     is_inside = not any(same_bits(seen["MV"], edge) for edge in edges if "MV" in seen)
     for name in names:

@@ -305,7 +305,7 @@ def explain(
                     by_interval[bits(ts)].update(between)
                     fitting.extend(found)
                 elif low_key != high_key:
-                    is_free = not (low_terms.flags | high_terms.flags) & (flag.FREEZE_HI | flag.FREEZE_LO)
+                    is_free = not (low_terms.flags | high_terms.flags) & flag.FROZEN
                     if not (is_free and _is_excluded(names, low, high, seen)):
                         fitting.extend(_narrowed(loop, inputs, bound, seen, names, ts))
                 elif low_key == shown:
@@ -550,7 +550,7 @@ def is_roughly_bounded(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
     is_transfer = bool(fit.before.low.man1 or read.pid_man)
     if (is_at_limit or is_transfer) and is_unbounded(fit.before):
         return True
-    is_at_limit |= bool(fit.terms.flags & (flag.FREEZE_HI | flag.FREEZE_LO))
+    is_at_limit |= bool(fit.terms.flags & flag.FROZEN)
     return is_at_limit and loop.dialect.freeze == Freeze.BACK_CALCULATED
 
 

@@ -58,6 +58,7 @@ class Suspect:
         setting: Axis and value of a dialect, `filter = ignored`, or nothing.
         estimate: How large the operand really is, with its interval; None when it is not a matter of size.
         twist: The law with this cause in it, to be held against other executions; None when it is a single event.
+        fit: The reading of the execution in which it was named: what that read, and the state before it.
     """
 
     cause: str
@@ -67,6 +68,7 @@ class Suspect:
     setting: str = ""
     estimate: Estimate | None = None
     twist: Twist | None = field(default=None, compare=False, repr=False)
+    fit: Any = field(default=None, compare=False, repr=False)
 
     @property
     def key(self) -> Key:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from ahgateway.codec.station import Loop
+from ahgateway.core import flags as flag
 from ahgateway.core.controllers.delta import limit
 from ahgateway.core.dialect import Freeze, Limits
 from ahgateway.core.real import REAL, from_order, order, quiet, same_bits
@@ -32,6 +33,10 @@ from ahgateway.lockstep.shadow import (
     stepped,
     unrecorded,
 )
+
+PARTS_MAX = 64
+"""Into no more parts than this is a bound cut: where a transfer set the integral from an open D, one for each of its
+values."""
 
 ADVANCED_MAX = 512
 """More states than this behind an unseen execution are not even sorted: where Ts is measured, each is its own."""
@@ -107,17 +112,19 @@ def _is_one_real(bound: Bound) -> bool:
 
 
 def _alike(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> list[Bound]:
-    """Cut a bound into parts that are limited alike at both ends, and so all through; [] where rounding hides where."""
+    """Cut a bound into parts that are limited alike at both ends, and so all through, and of which a transfer makes one
+    integral; [] where rounding hides where to cut, or where there are too many."""
     attr = open_attr(bound)
 
     def kind(position: int) -> tuple[Any, ...]:
         state = bound.low if attr is None else bound.low._replace(**{attr: from_order(position)})
         with quiet(all="ignore"):
             after, terms = loop.controller.step(inputs, state, loop.dialect, ts)
+        same = (terms.flags, order(after.i)) if terms.flags & flag.BUMPLESS else (terms.flags,)
         if loop.dialect.freeze != Freeze.PREVIOUS_MV:
-            return (terms.flags,)
+            return same
         sides = (side for edge in (inputs.mv_min, inputs.mv_max) for side in (after.mv > edge, after.mv < edge))
-        return terms.flags, *sides
+        return *same, *sides
 
     if attr is None:
         return [bound]
@@ -126,8 +133,11 @@ def _alike(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> list[Bound]:
         return [bound]
     if attr == "d" and loose.is_loose(loop):
         return []
-    found, end_kind = [], kind(last)
+    found: list[Bound] = []
+    end_kind = kind(last)
     while start <= last:
+        if len(found) == PARTS_MAX:
+            return []
         same = kind(start)
         end = last if same == end_kind else first_for(start, last, partial(_differs, kind, same)) - 1
         low, high = (bound.low._replace(**{attr: from_order(each)}) for each in (start, end))

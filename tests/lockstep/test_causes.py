@@ -294,6 +294,8 @@ async def test_an_integral_alone_that_moves_at_each_execution_is_nobodys_hand(
         ("no-bumpless", "DPIDE", 10, 0, Way.RECORDED),  # the integral gives it away, whatever D holds
         ("no-bumpless", "DPID", 26, 0, Way.STEPPED),  # another moment of the write is the right reading
         ("filter-ignored", "DPIDE", 6, 0, Way.COUNTED),  # D stays known while PV stands still
+        ("no-bumpless", "DPIDE", 6, 0, Way.COUNTED),  # an unseen transfer sets the integral from a D known to few bits
+        ("no-bumpless", "DPIDE", 14, 1, Way.POLLED),  # a gain of some size explains one reading, the transfer another
         ("windup", "DPID", 15, 0, Way.COUNTED),  # only I_MV moves at the limit
         ("direction-reversed", "DPIDE", 1, 1, Way.COUNTED),  # D goes on while no word changes
         ("wrong-ts", "DPIDE", 18, 1, Way.RECORDED),  # a size that no REAL near it fits in both words at once
