@@ -12,13 +12,15 @@ from lockstep.oracle import Oracle
 from lockstep.ways_world import ground
 
 from ahgateway.codec.ways import Each, Way
-from ahgateway.core.dialect import DEFAULT, Dialect, ManualHistory, ManualIntegral, TsSource
+from ahgateway.core.dialect import DEFAULT, Dialect, ManualHistory, ManualIntegral, PresetMv, RunOffManual, TsSource
 from ahgateway.core.verdict import Verdict
 from ahgateway.lockstep.judge import SEEDING, UNRECORDED_PV, Execution
 from ahgateway.lockstep.picture import Picture
 
 QUIET_D = {"DPID": {"Kp": 1.3, "Ki": 0.37, "Kd": 0.0}, "DPIDE": {"Kc_Kp": 1.3, "Ti_Ki": 0.37, "Td_Kd": 0.0}}
 MS = DEFAULT._replace(ts_source=TsSource.MS)
+TRACKED = DEFAULT._replace(run_off_manual=RunOffManual.TRACKED, preset_mv=PresetMv.MOUT)
+FORGOTTEN = DEFAULT._replace(run_off_manual=RunOffManual.FORGOTTEN)
 CLAIM = {Verdict.MATCH: "PROVEN", Verdict.DIVERGED: "BROKEN", Verdict.UNOBSERVABLE: "OPEN"}
 
 
@@ -80,10 +82,14 @@ async def test_a_verdict_is_claimed_where_enumeration_finds_one_possibility_alon
 @pytest.mark.parametrize("fault", ["", "ki-1-percent", "dead-band-ignored"])
 @pytest.mark.parametrize("law", ["DPID", "DPIDE"])
 @pytest.mark.parametrize("way", [Way.RECORDED, Way.STEPPED])
+@pytest.mark.parametrize("dialect", [DEFAULT, TRACKED, FORGOTTEN], ids=["default", "tracked", "forgotten"])
 async def test_what_the_plc_shows_of_each_execution_is_claimed_as_enumeration_finds_it(
-    way: Way, law: str, fault: str
+    dialect: Dialect, way: Way, law: str, fault: str
 ) -> None:
-    world = ground(way, law, {**QUIET_D[law], "ERR_DBW": 40.0, "SV": 40.0}, each=Each.CALL, seed=4)
+    changes = {"dialect": dialect}
+    world = ground(
+        way, law, {**QUIET_D[law], "ERR_DBW": 40.0, "SV": 40.0}, each=Each.CALL, loop_changes=changes, seed=4
+    )
     chance = random.Random(f"oracle {way} {law} {fault}")
     oracle = Oracle(world.loop)
     if fault:
@@ -94,6 +100,10 @@ async def test_what_the_plc_shows_of_each_execution_is_claimed_as_enumeration_fi
     for poll in range(60):
         if poll % 3 == 0:
             meddle(world, chance)
+        if poll % 8 in (3, 6):
+            # In turn, so that manual begins and ends while the block is stopped, and the other way round.
+            switch = "PID_RUN" if poll % 8 == 6 else "PID_MAN"
+            world.plc.write("L1", switch, not world.plc.read("L1", switch))
         begun = len(world.events)
         await world.poll()
         for picture, event in world.events[begun:]:
