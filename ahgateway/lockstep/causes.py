@@ -21,6 +21,7 @@ from ahgateway.core.dialect_axes import BY_NAME
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits, ulp_distance
 from ahgateway.lockstep.estimate import Size, sized
+from ahgateway.lockstep.interval import UNLIMITED
 from ahgateway.lockstep.picture import Picture, predicted
 from ahgateway.lockstep.shadow import Fit, explain, is_settled, judged_names, same_words
 from ahgateway.lockstep.suspects import (
@@ -48,9 +49,6 @@ PAIRS_MAX = 12
 
 FORM_BITS = {"pid_dir": 1, "pid_eq": 2, "pid_de": 4}
 """Of what Delta's instructions remember of the execution before; see `dpide.form_of`."""
-
-UNLIMITED = REAL(1e30)
-"""Limits this wide never freeze an integral."""
 
 MEASURED_MIN, MEASURED_MAX = 0.5, 2.0
 """A measured interval is CYCLE but for scans; outside of this it is another cause."""

@@ -24,7 +24,8 @@ from ahgateway.core.dialect import FilterContent, Freeze, Integrator
 from ahgateway.core.real import REAL, quiet, same_bits
 from ahgateway.core.verdict import Verdict
 from ahgateway.lockstep.anchor import anchored
-from ahgateway.lockstep.causes import UNLIMITED, blame_any
+from ahgateway.lockstep.causes import blame_any
+from ahgateway.lockstep.interval import UNLIMITED
 from ahgateway.lockstep.judge import SEVERAL, TRIVIAL_FLAGS, Execution, judge
 from ahgateway.lockstep.picture import Picture, predicted
 from ahgateway.lockstep.shadow import (

@@ -6,14 +6,17 @@ has elapsed and is noticed one scan later at most. This file decides which value
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from ahgateway.codec.station import Loop
 from ahgateway.core import flags as flag
 from ahgateway.core.controllers.delta_terms import ticks_per_second
 from ahgateway.core.dialect import Freeze
-from ahgateway.core.real import REAL, bits, quiet
+from ahgateway.core.real import REAL, bits, quiet, same_bits
+
+UNLIMITED = REAL(1e30)
+"""A limit that no sum reaches."""
 
 INTERVALS_MAX = 512
 """More possible intervals than this are only sampled, once I_MV has thinned them out."""
@@ -92,6 +95,22 @@ def _thinned(loop: Loop, inputs: Any, state: Any, i_seen: REAL, first: int, last
     start = first_for(first, last, lambda ticks: sign * side(ticks) >= 0)
     end = first_for(start, last, lambda ticks: sign * side(ticks) > 0) - 1
     return (start, end, end - start <= INTERVALS_MAX) if start <= end else (first, last, True)
+
+
+def is_ruled_out(loop: Loop, inputs: Any, state: Any, ts: REAL, seen: Mapping[str, REAL]) -> bool:
+    """Tell whether I_MV rules an interval out, whatever D's filter holds.
+
+    MV stands between its limits, so that no content has held the integral at one of them: it is what it would be
+    without limits. False where that is not so in this dialect, or something else than the increment sets the integral.
+    """
+    dialect = loop.dialect
+    is_held_inside = dialect.freeze == Freeze.PREVIOUS_MV or dialect.limited_output or dialect.freeze_test
+    if is_held_inside or not {"MV", "I_MV"} <= seen.keys() or not inputs.mv_min < seen["MV"] < inputs.mv_max:
+        return False
+    wide = inputs._replace(mv_max=UNLIMITED, mv_min=-UNLIMITED)
+    with quiet(all="ignore"):
+        after, terms = loop.controller.step(wide, state._replace(d=REAL(0)), dialect, ts)
+    return not terms.flags and not same_bits(after.i, seen["I_MV"])
 
 
 def first_for(low: int, high: int, holds: Callable[[int], bool]) -> int:

@@ -27,7 +27,7 @@ from ahgateway.core.controllers.dpide import D_BOUND
 from ahgateway.core.dialect import Clamped, CrossBand, CrossScan, FilterContent, Freeze, Limits, ManualFilter
 from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits
 from ahgateway.lockstep import loose
-from ahgateway.lockstep.interval import first_for, intervals
+from ahgateway.lockstep.interval import first_for, intervals, is_ruled_out
 from ahgateway.lockstep.picture import Picture, predicted
 
 BOUNDS_MAX = 48
@@ -290,6 +290,7 @@ def explain(
         for bound, is_part in _split(loop, _passed_unseen(loop, inputs, shadow)):
             possible = intervals(loop, inputs, bound, seen.get("I_MV"))
             is_whole = is_whole and possible.is_whole
+            is_open_d = open_attr(bound) == "d"
             for ts in possible.values:
                 after, low_terms, high_terms = stepped(loop, inputs, bound, ts)
                 low = predicted(loop.controller, after.low, low_terms)
@@ -300,7 +301,9 @@ def explain(
                     high_key = _key(names, high)
                 by_interval.setdefault(bits(ts), set()).update((low_key, high_key))
                 fit = Fit(inputs, bound, after, low_terms, open_terms(low_terms, high_terms), ts)
-                if open_attr(bound) == "d" and loose.is_loose(loop):
+                if low_key != high_key and is_open_d and is_ruled_out(loop, inputs, bound.low, ts, seen):
+                    pass
+                elif is_open_d and loose.is_loose(loop):
                     between, found = _loosely(loop, fit, low, high, seen, names)
                     by_interval[bits(ts)].update(between)
                     fitting.extend(found)
