@@ -23,7 +23,7 @@ from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits,
 from ahgateway.lockstep.estimate import Size, sized
 from ahgateway.lockstep.interval import UNLIMITED
 from ahgateway.lockstep.picture import Picture, predicted
-from ahgateway.lockstep.shadow import Fit, explain, is_settled, judged_names, same_words
+from ahgateway.lockstep.shadow import Fit, Shadow, explain, is_settled, judged_names, same_words
 from ahgateway.lockstep.suspects import (
     Blame,
     Estimate,
@@ -37,6 +37,7 @@ from ahgateway.lockstep.suspects import (
     stretched,
     zeroed,
 )
+from ahgateway.lockstep.unseen import advanced
 
 HALF = 0xFFFF
 NEIGHBOURS = 8
@@ -153,7 +154,10 @@ class _Case:
         if other.controller.seen != self.controller.seen:
             # Another place for a word was not read as such: nothing can be said of it.
             return False
-        return bool(explain(other, (self.fit.before,), [self.fit.inputs], self.seen, self.names).fits)
+        shadow: Shadow = (self.fit.before,)
+        for read in self.fit.lead:
+            shadow = advanced(other, shadow, read)
+        return bool(shadow and explain(other, shadow, [self.fit.inputs], self.seen, self.names).fits)
 
     def _left(self, other: Loop, state: Any, form: int) -> dict[str, REAL]:
         """The words that another law leaves, from one state."""

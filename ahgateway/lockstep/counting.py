@@ -33,17 +33,17 @@ from ahgateway.lockstep.shadow import (
     Explanation,
     Fit,
     Shadow,
+    apart,
     changed_inputs,
     distance,
     explain,
     input_variants,
-    is_settled,
     judged_names,
     merged,
     patched,
     recalled,
 )
-from ahgateway.lockstep.suspects import Blame, Suspect, agreeing
+from ahgateway.lockstep.suspects import Blame, Suspect, agreeing, sizeless
 from ahgateway.lockstep.thinning import is_plain
 from ahgateway.lockstep.unseen import advanced
 
@@ -127,9 +127,9 @@ def counted(
         reason = LAST_ONLY if execution.verdict is Verdict.MATCH else execution.reason
         return replace(execution, count=least_fit.executions, reason=reason), kept or fresh
     if is_all_known or (is_whole and is_out_of_reach(loop, shadow, before, after, most)):
-        fits = led(loop, shadow, before, after, most)
-        if fits:
-            return _diverged(loop, fits, blame_any(loop, fits, before, after), before, after)
+        blamed = _blamed(loop, shadow, before, after, most)
+        if blamed is not None:
+            return _diverged(loop, blamed, before, after)
         nearest = min(every, key=lambda each: each.found.distance)
         execution, behind = judge(loop, nearest.before, before, after, 1, suspects)
         return replace(execution, count=nearest.executions), behind
@@ -143,16 +143,27 @@ def _again(
     loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int, suspects: tuple[Suspect, ...]
 ) -> tuple[Execution, Shadow] | None:
     """Behind a divergence what is hidden is open and would excuse anything; the same cause of the same size is none."""
-    settled = tuple(bound for bound in shadow if is_settled(bound))
+    settled, _ = apart(shadow)
     fits = led(loop, settled, before, after, most)
     if not fits or explains(loop, settled, before, after, most):
         return None
     blamed = blame_any(loop, fits, before, after, suspects)
     kept = agreeing(suspects, blamed.suspects)
-    return _diverged(loop, fits, replace(blamed, suspects=kept), before, after) if kept else None
+    return _diverged(loop, replace(blamed, suspects=kept), before, after) if kept else None
 
 
-def _diverged(loop: Loop, fits: list[Fit], blamed: Blame, before: Picture, after: Picture) -> tuple[Execution, Shadow]:
+def _blamed(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) -> Blame | None:
+    """Blame a run of executions from a state that is settled; else from one that is open, but for no size."""
+    settled, still_open = apart(shadow)
+    fits = led(loop, settled, before, after, most)
+    blamed = blame_any(loop, fits, before, after) if fits else None
+    if blamed is not None and blamed.cause != "unknown":
+        return blamed
+    others = led(loop, still_open, before, after, most)
+    return (sizeless(blame_any(loop, others, before, after)) if others else None) or blamed
+
+
+def _diverged(loop: Loop, blamed: Blame, before: Picture, after: Picture) -> tuple[Execution, Shadow]:
     """The verdict on executions that no count of them explains, and the shadow behind them: the reference's, or any."""
     fit: Fit = blamed.fit
     behind = (*patched(loop, fit, after.seen), *recalled(loop, (after.inputs, before.inputs), after.seen))
@@ -163,8 +174,7 @@ def _diverged(loop: Loop, fits: list[Fit], blamed: Blame, before: Picture, after
 def led(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) -> list[Fit]:
     """Every run of executions that there can have been, as the reference makes it, the nearest first; [] if unknown.
 
-    It is known where all that they read is, but for the moment of one change, from a state that is known, and where Ts
-    is not measured.
+    It is known where all that they read is, but for the moment of one change, and where Ts is not measured.
     """
     if not is_known(loop, before, after) or ticks_per_second(loop.dialect):
         return []
@@ -173,7 +183,7 @@ def led(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) 
     early, late = early._replace(pv=pv), late._replace(pv=pv)
     names = judged_names(loop)
     found = []
-    for bound in (bound for bound in shadow if is_settled(bound)):
+    for bound in shadow:
         for executions in range(1, min(most, LED_MAX) + 1):
             for olds in range(executions + 1) if changed_inputs(loop, before, after) else (0,):
                 reads = (*(early,) * olds, *(late,) * (executions - olds))
@@ -185,7 +195,7 @@ def led(loop: Loop, shadow: Shadow, before: Picture, after: Picture, most: int) 
 
 
 def _run(loop: Loop, bound: Bound, reads: tuple[Any, ...]) -> Fit:
-    """Executions that read this one after the other, from a bound that is as good as a state; terms of its low end."""
+    """Executions that read this one after the other, from both ends of a bound; terms of its low end."""
     ends = []
     for end in bound[:1] if bound.is_point else (bound.high, bound.low):
         state = end

@@ -29,9 +29,9 @@ from ahgateway.lockstep.shadow import (
     Bound,
     Fit,
     Shadow,
+    apart,
     explain,
     input_variants,
-    is_settled,
     judged_names,
     merged,
     patched,
@@ -72,6 +72,23 @@ CLOCK = "ts_source = "
 
 ROUNDING_RATIO = 1e-3
 """A factor nearer to 1 than this is not told from rounding where last bits alone differ."""
+
+ORDERS = frozenset(
+    {
+        "bias_joins",
+        "dependent_sum",
+        "derivative_product",
+        "preset_order",
+        "product",
+        "ratio",
+        "sum_order",
+        "ts_scale",
+    }
+)
+"""Axes that say in which order to compute: another value leaves other last bits, as any other rounding does."""
+
+ORDER_SURE = 8
+"""So many divergences an order has to explain, all of them, before it is more likely than rounding of another kind."""
 
 RATIO_NEAR = 1e-4
 """Two factors this near are one: the memory of the filter is not known better."""
@@ -168,7 +185,7 @@ class Rival:
         found = reproduced(self._loop, self._shadow, before, after, most)
         is_it = bool(found)
         if not is_it and self.suspect.estimate is not None and self.suspect.estimate.value:
-            for fit in led(self._loop, self._shadow, before, after, most):
+            for fit in led(self._loop, apart(self._shadow)[0], before, after, most):
                 if self._measured(fit, before, after):
                     found = reproduced(self._loop, self._shadow, before, after, most) or [fit]
                     is_it = True
@@ -281,7 +298,7 @@ class Inquiry:
         if self.suspects:
             for rival in self._rivals:
                 if rival.suspect.key == self.suspects[0].key:
-                    return tuple(bound for bound in rival.shadow if is_settled(bound))
+                    return apart(rival.shadow)[0]
         return ()
 
     def _show(self, before: Picture, after: Picture, *, has_diverged: bool, most: int) -> None:
@@ -307,9 +324,9 @@ class Inquiry:
         known = {rival.suspect.key for rival in laws}
         events = [key for key, count in self._seen.items() if self._is_event(key, count) and key not in known]
         events.sort(key=lambda key: (total >= REPEATED_MIN and key[0] == "operand-written", -self._seen[key]))
-        # What an event explains by bits each time stands before a law of which a size has to be fitted, until one
-        # size fits twice: two writes that happen to follow one factor are not to be expected.
-        is_fitted = all(rival.suspect.estimate is not None and rival.explained < 2 for rival in laws)
+        # What an event explains by bits each time stands before a law of which a size has to be fitted, or an order,
+        # until one fits twice: two writes that happen to follow one factor are not to be expected.
+        is_fitted = all((_is_order(each) or each.suspect.estimate is not None) and each.explained < 2 for each in laws)
         early = total < REPEATED_MIN and is_fitted
         first = [
             key
@@ -338,10 +355,9 @@ class Inquiry:
 
     def _is_rounding(self, key: Key, laws: list[Rival]) -> bool:
         """Tell whether last bits alone differ: a law that misses some, or is nearly the reference's, is rounding."""
-        near = all(
-            each.missed or (abs(each.suspect.ratio - 1.0) < ROUNDING_RATIO and each.suspect.estimate) for each in laws
-        )
-        return key[0] == "rounding" and near and self._seen[key] >= SHARE_MIN * self._diverged
+        if key[0] != "rounding" or self._seen[key] < SHARE_MIN * self._diverged:
+            return False
+        return all(each.missed or _is_near(each) for each in laws)
 
     def _dated(self, suspect: Suspect) -> Suspect:
         """A dialect that was right for long has been changed."""
@@ -356,6 +372,17 @@ class Inquiry:
         first = tuple(each for each in self.suspects if each.key in own or each.cause == "unknown")
         keys = {each.key for each in first}
         return (*first, *(each for each in suspects if each.key not in keys and each.cause != "unknown")) or suspects
+
+
+def _is_near(rival: Rival) -> bool:
+    """Tell whether a law is hardly another than the reference's: in a size by its last digits, or in an order."""
+    if rival.suspect.estimate is not None:
+        return abs(rival.suspect.ratio - 1.0) < ROUNDING_RATIO
+    return _is_order(rival) and rival.explained < ORDER_SURE
+
+
+def _is_order(rival: Rival) -> bool:
+    return rival.suspect.setting.partition(" = ")[0] in ORDERS
 
 
 def _common(known: Suspect, fresh: Suspect) -> Suspect | None:

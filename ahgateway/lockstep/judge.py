@@ -23,6 +23,7 @@ from ahgateway.lockstep.shadow import (
     Explanation,
     Fit,
     Shadow,
+    apart,
     explain,
     input_variants,
     is_missed_anyway,
@@ -35,7 +36,7 @@ from ahgateway.lockstep.shadow import (
     state_key,
     without_pv,
 )
-from ahgateway.lockstep.suspects import Blame, Suspect, agreeing
+from ahgateway.lockstep.suspects import Blame, Suspect, agreeing, sizeless
 from ahgateway.lockstep.unseen import refreshed
 
 TRIVIAL_FLAGS = flag.MANUAL | flag.STOPPED | flag.BAD_INPUT | flag.AUTOTUNE | flag.FROZEN
@@ -181,12 +182,6 @@ def _blamed(loop: Loop, fits: list[Fit], before: Picture, after: Picture, suspec
     return blame_any(loop, fits, before, after)
 
 
-def _apart(shadow: Shadow) -> tuple[Shadow, Shadow]:
-    """What is settled, and what is still open."""
-    settled = tuple(bound for bound in shadow if is_settled(bound))
-    return settled, tuple(bound for bound in shadow if not is_settled(bound))
-
-
 def _of_readings(
     loop: Loop, shadow: Shadow, variants: list[Any], before: Picture, after: Picture, suspects: tuple[Suspect, ...]
 ) -> Blame:
@@ -196,7 +191,7 @@ def _of_readings(
     the execution, or too late. Where all that a settled state leads to is a size, what an open one does to the bit
     stands beside it, for later executions to tell.
     """
-    settled, still_open = _apart(shadow)
+    settled, still_open = apart(shadow)
     near, far = _nearest(loop, settled[:KNOWN_MAX] or still_open, variants, after)
     blamed = _blamed(loop, near, before, after, suspects)
     is_known = blamed.cause != "unknown"
@@ -204,12 +199,9 @@ def _of_readings(
     if settled and still_open and all(each.estimate is not None or not is_known for each in blamed.suspects):
         others.extend(_nearest(loop, still_open, variants, after))
     for fits in others:
-        other = blame_any(loop, fits, before, after) if fits else blamed
-        exact = tuple(each for each in other.suspects if each.twist is not None and each.estimate is None)
-        if exact and is_known:
-            return replace(blamed, suspects=(*blamed.suspects, *exact))
-        if exact:
-            return replace(other, suspects=exact)
+        exact = sizeless(blame_any(loop, fits, before, after)) if fits else None
+        if exact is not None:
+            return replace(blamed, suspects=(*blamed.suspects, *exact.suspects)) if is_known else exact
     return blamed
 
 
@@ -240,7 +232,7 @@ def _same_fault(
     suspects: tuple[Suspect, ...],
 ) -> tuple[Execution, Fit] | None:
     """Behind a divergence what is hidden is open and would excuse anything; the same cause of the same size is none."""
-    settled, _ = _apart(shadow)
+    settled, _ = apart(shadow)
     found = explain(loop, settled, variants, after.seen, judged_names(loop))
     if found.fits or found.nearest is None:
         return None

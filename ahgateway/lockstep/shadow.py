@@ -182,6 +182,12 @@ def is_settled(bound: Bound) -> bool:
     return attr == "d" and abs(float(high) - float(low)) <= NOTHING * size
 
 
+def apart(shadow: Shadow) -> tuple[Shadow, Shadow]:
+    """What is settled, and what is still open."""
+    settled = tuple(bound for bound in shadow if is_settled(bound))
+    return settled, tuple(bound for bound in shadow if not is_settled(bound))
+
+
 def open_terms(low: Any, high: Any) -> tuple[str, ...]:
     """Names of the terms in which the two ends of a bound differ."""
     if low is high:

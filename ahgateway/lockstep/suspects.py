@@ -101,6 +101,12 @@ class Blame:
         return self.suspects[0].cause
 
 
+def sizeless(blame: Blame) -> Blame | None:
+    """Keep the laws to which no size has to be fitted; None when there is none."""
+    exact = tuple(each for each in blame.suspects if each.twist is not None and each.estimate is None)
+    return replace(blame, suspects=exact, fit=exact[0].fit) if exact else None
+
+
 def agreeing(known: tuple[Suspect, ...], fresh: tuple[Suspect, ...]) -> tuple[Suspect, ...]:
     """Keep the fresh suspects that the known ones name too, with the same size; all of them when none are known."""
     if not known:

@@ -180,7 +180,8 @@ async def go_wrong(world: World, name: str) -> Trial:
     suspects = world.follower.suspects
     true_ones = _true_ones(name, suspects)
     is_right = bool(true_ones) and true_ones[0] is suspects[0]
-    rivals = (suspects[0], true_ones[0]) if true_ones and not is_right else ()
+    # Rounding is no law of its own: what the PLC computes is in its log.
+    rivals = [each for each in (suspects[0], true_ones[0]) if each.cause != "rounding"] if true_ones else []
     return Trial(
         len(wrong),
         len(seen),
@@ -188,7 +189,7 @@ async def go_wrong(world: World, name: str) -> Trial:
         false,
         suspects,
         is_right,
-        bool(rivals) and all(leaves_the_same(world.loop, each, log) for each in rivals),
+        not is_right and bool(rivals) and all(leaves_the_same(world.loop, each, log) for each in rivals),
         bool(seen) and not convicted and world.loop.way is Way.POLLED and is_possible(world, world.looks),
     )
 
