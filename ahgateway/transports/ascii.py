@@ -10,7 +10,7 @@ from binascii import unhexlify
 
 from pymodbus.framer.ascii import FramerAscii
 
-from ahgateway.transports.framing import Adu
+from ahgateway.transports.framing import Adu, Rest
 from ahgateway.transports.pdu import EXCEPTION_BIT
 
 ASCII_FRAME_SIZE_MAX = 513
@@ -22,36 +22,13 @@ def lrc(data: bytes) -> int:
     return FramerAscii.compute_LRC(data)
 
 
-class _Ascii:
-    identifies = False
-
-    def __init__(self) -> None:
-        self.garbage_bytes = 0
-        self._rest = bytearray()
-
-    @property
-    def kept(self) -> int:
-        return len(self._rest)
-
-    @property
-    def missing(self) -> int:
-        return 1
-
+class _Ascii(Rest):
     def wrap(self, tag: int, unit: int, pdu: bytes) -> bytes:
         body = bytes((unit,)) + pdu
         return _START + (body + bytes((lrc(body),))).hex().upper().encode() + _END
 
     def frame_size(self, pdu_size: int) -> int:
         return len(_START) + 2 * (1 + pdu_size + 1) + len(_END)
-
-    def drain(self) -> bytes:
-        dropped = bytes(self._rest)
-        self._drop(len(dropped))
-        return dropped
-
-    def _drop(self, size: int) -> None:
-        del self._rest[:size]
-        self.garbage_bytes += size
 
     def _bound(self) -> None:
         if len(self._rest) > 2 * ASCII_FRAME_SIZE_MAX:

@@ -71,10 +71,10 @@ class Framing(Protocol):
         """Drop what is kept and return it."""
 
 
-class Mbap:
-    """Modbus TCP. The header has no checksum: a wrong protocol or length means that the stream is lost."""
+class Rest:
+    """What every framing keeps: bytes that belong to no frame yet, and how many belonged to none."""
 
-    identifies = True
+    identifies = False
 
     def __init__(self) -> None:
         self.garbage_bytes = 0
@@ -87,6 +87,21 @@ class Mbap:
     @property
     def missing(self) -> int:
         return 1
+
+    def drain(self) -> bytes:
+        dropped = bytes(self._rest)
+        self._drop(len(dropped))
+        return dropped
+
+    def _drop(self, size: int) -> None:
+        del self._rest[:size]
+        self.garbage_bytes += size
+
+
+class Mbap(Rest):
+    """Modbus TCP. The header has no checksum: a wrong protocol or length means that the stream is lost."""
+
+    identifies = True
 
     def wrap(self, tag: int, unit: int, pdu: bytes) -> bytes:
         return _HEADER.pack(tag, 0, len(pdu) + 1, unit) + pdu
@@ -125,9 +140,3 @@ class Mbap:
             start = end
         del rest[:start]
         return found
-
-    def drain(self) -> bytes:
-        dropped = bytes(self._rest)
-        self._rest.clear()
-        self.garbage_bytes += len(dropped)
-        return dropped

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from pymodbus.framer.rtu import FramerRTU
 
-from ahgateway.transports.framing import Adu
+from ahgateway.transports.framing import Adu, Rest
 from ahgateway.transports.pdu import EXCEPTION_BIT
 
 RTU_FRAME_SIZE_MAX = 256
@@ -25,36 +25,13 @@ def crc(data: bytes | bytearray | memoryview) -> bytes:
     return FramerRTU.compute_CRC(bytes(data)).to_bytes(2, "big")
 
 
-class _Rtu:
-    identifies = False
-
-    def __init__(self) -> None:
-        self.garbage_bytes = 0
-        self._rest = bytearray()
-
-    @property
-    def kept(self) -> int:
-        return len(self._rest)
-
-    @property
-    def missing(self) -> int:
-        return 1
-
+class _Rtu(Rest):
     def wrap(self, tag: int, unit: int, pdu: bytes) -> bytes:
         frame = bytes((unit,)) + pdu
         return frame + crc(frame)
 
     def frame_size(self, pdu_size: int) -> int:
         return 1 + pdu_size + _CRC_SIZE
-
-    def drain(self) -> bytes:
-        dropped = bytes(self._rest)
-        self._drop(len(dropped))
-        return dropped
-
-    def _drop(self, size: int) -> None:
-        del self._rest[:size]
-        self.garbage_bytes += size
 
     def _take(self, start: int, size: int) -> Adu:
         self._drop(start)
