@@ -11,11 +11,11 @@ from typing import Any, NamedTuple
 
 from ahgateway.codec.station import Loop
 from ahgateway.core import flags as flag
-from ahgateway.core.controllers.delta_terms import ticks_per_second
+from ahgateway.core.controllers.delta_terms import is_rough, ticks_per_second
 from ahgateway.core.dialect import Freeze
 from ahgateway.core.real import REAL, bits, quiet, same_bits
 
-UNLIMITED = REAL(1e30)
+UNLIMITED = REAL(3e38)
 """A limit that no sum reaches."""
 
 INTERVALS_MAX = 512
@@ -97,11 +97,11 @@ def _thinned(loop: Loop, inputs: Any, state: Any, i_seen: REAL, first: int, last
     return (start, end, end - start <= INTERVALS_MAX) if start <= end else (first, last, True)
 
 
-def is_ruled_out(loop: Loop, inputs: Any, state: Any, ts: REAL, seen: Mapping[str, REAL]) -> bool:
-    """Tell whether I_MV rules an interval out, whatever D's filter holds.
+def is_ruled_out(loop: Loop, inputs: Any, ends: Sequence[Any], ts: REAL, seen: Mapping[str, REAL]) -> bool:
+    """Tell whether I_MV rules an interval out, whatever D's filter holds between two states.
 
     MV stands between its limits, so that no content has held the integral at one of them: it is what it would be
-    without limits. False where that is not so in this dialect, or something else than the increment sets the integral.
+    without limits. False where that is not so in this dialect, or where D has a part in the integral.
     """
     dialect = loop.dialect
     is_held_inside = dialect.freeze == Freeze.PREVIOUS_MV or dialect.limited_output or dialect.freeze_test
@@ -109,7 +109,15 @@ def is_ruled_out(loop: Loop, inputs: Any, state: Any, ts: REAL, seen: Mapping[st
         return False
     wide = inputs._replace(mv_max=UNLIMITED, mv_min=-UNLIMITED)
     with quiet(all="ignore"):
-        after, terms = loop.controller.step(wide, state._replace(d=REAL(0)), dialect, ts)
+        after, terms = loop.controller.step(wide, ends[0], dialect, ts)
+        is_set_freely = terms.flags == flag.BUMPLESS and not dialect.preset_limit and not dialect.preset_mv
+        if is_set_freely and not is_rough(dialect):
+            other, other_terms = loop.controller.step(wide, ends[1], dialect, ts)
+            return (
+                other_terms.flags == terms.flags
+                and same_bits(after.i, other.i)
+                and not same_bits(after.i, seen["I_MV"])
+            )
     return not terms.flags and not same_bits(after.i, seen["I_MV"])
 
 

@@ -307,7 +307,7 @@ def explain(
                     high_key = _key(names, high)
                 by_interval.setdefault(bits(ts), set()).update((low_key, high_key))
                 fit = Fit(inputs, bound, after, low_terms, open_terms(low_terms, high_terms), ts)
-                if low_key != high_key and is_open_d and is_ruled_out(loop, inputs, bound.low, ts, seen):
+                if low_key != high_key and is_open_d and is_ruled_out(loop, inputs, bound, ts, seen):
                     pass
                 elif is_open_d and loose.is_loose(loop):
                     between, found = _loosely(loop, fit, low, high, seen, names)
@@ -567,6 +567,8 @@ def is_missed_anyway(loop: Loop, fit: Fit, seen: Mapping[str, REAL]) -> bool:
     """Tell whether a word is missed with every content of D's filter alike."""
     if open_attr(fit.before) != "d" or fit.ts is None:
         return False
+    if is_ruled_out(loop, fit.inputs, fit.before, fit.ts, seen):
+        return True
     after, low_terms, high_terms = stepped(loop, fit.inputs, fit.before, fit.ts)
     low, high = predicted(loop.controller, after.low, low_terms), predicted(loop.controller, after.high, high_terms)
     return any(

@@ -296,6 +296,7 @@ async def test_an_integral_alone_that_moves_at_each_execution_is_nobodys_hand(
         ("filter-ignored", "DPIDE", 6, 0, Way.COUNTED),  # D stays known while PV stands still
         ("no-bumpless", "DPIDE", 6, 0, Way.COUNTED),  # an unseen transfer sets the integral from a D known to few bits
         ("no-bumpless", "DPIDE", 14, 1, Way.POLLED),  # a gain of some size explains one reading, the transfer another
+        ("no-bumpless", "DPIDE", 27, 0, Way.POLLED),  # D has no part in the integral that a transfer sets
         ("no-bumpless", "DPIDE", 8, 0, Way.COUNTED),  # the transfer was not the last of several executions
         ("binary64-inside", "DPIDE", 11, 1, Way.COUNTED),  # two last bits that an order explains are rounding yet
         ("windup", "DPID", 15, 0, Way.COUNTED),  # only I_MV moves at the limit
