@@ -55,7 +55,11 @@ def cut(
         and not (is_clear(operands, near_terms, first, last) and is_clear(operands, far_terms, first, last))
     ):
         return first, last
+    is_wavy = extended and not by_i and remembers_ts(operands) and operands.tf > ZERO
     if not by_i and same(near.mv, far.mv) and same(near_terms.d, far_terms.d):
+        if is_wavy and (near_terms.d != ZERO or dialect.filter_content == FilterContent.INPUT):
+            # Alike at both ends, but not for that between them.
+            return first, last
         if side(near, near_terms, seen, judged, False):
             return 1, 0
         return first, last if remembers_ts(operands) else first
@@ -63,7 +67,7 @@ def cut(
     if not (judged[1] if by_i else judged[2]):
         return first, last
     slack = ZERO
-    if extended and not by_i and remembers_ts(operands) and operands.tf > ZERO:
+    if extended and is_wavy:
         if dialect.filter == Filter.EXACT and dialect.filter_content != FilterContent.INPUT:
             # What decays and what comes in can turn it round between the ends.
             return first, last
@@ -86,7 +90,7 @@ def blur(operands: Any, dialect: Any, state: Any, after: Any, terms: Any, ts: An
 
     At most 8 roundings of the contents before and behind, as D takes them, and as many of the terms of the sum.
     """
-    kc = operands.kc_kp if operands.pid_eq else ONE
+    kc = abs(operands.kc_kp) if operands.pid_eq else ONE
     steep = kc if dialect.dependent_sum else ONE
     if dialect.filter_content == FilterContent.INPUT:
         steep = operands.td_kd * kc / ts
