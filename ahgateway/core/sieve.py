@@ -79,16 +79,22 @@ def sieve(controller: Controller, compiled: bool) -> Callable[..., Any]:
     """Return `sift` for the law of one controller, compiled or interpreted; made once."""
     key = (controller.name, controller.step, compiled)
     if key not in _SIEVES:
-        code = controller.step.__code__
-        plain = [each for each in code.co_consts if isinstance(each, int | float | str)]
-        digest = hashlib.sha256(code.co_code + repr((code.co_names, plain)).encode()).hexdigest()[:8]
-        maker = Maker(compiled=compiled, asking=True, label=f"_{controller.name}_{digest}")
-        for name, made in _access(controller, compiled).items():
-            (maker.give_made if callable(made) else maker.give)(name, made)
-        laws = {"step": controller.step, "law_ts": controller.law_ts, "nominal_ts": controller.nominal_ts}
-        for name, law in laws.items():
-            maker.give(name, maker.function(law))
+        maker = maker_for(controller, compiled)
         _SIEVES[key] = made = maker.function(sift, is_inner=False)
         if compiled:
             keep(made, maker.made)
     return _SIEVES[key]
+
+
+def maker_for(controller: Controller, compiled: bool) -> Maker:
+    """Return what makes a function of the search one for the law of a controller."""
+    code = controller.step.__code__
+    plain = [each for each in code.co_consts if isinstance(each, int | float | str)]
+    digest = hashlib.sha256(code.co_code + repr((code.co_names, plain)).encode()).hexdigest()[:8]
+    maker = Maker(compiled=compiled, asking=True, label=f"_{controller.name}_{digest}")
+    for name, made in _access(controller, compiled).items():
+        (maker.give_made if callable(made) else maker.give)(name, made)
+    laws = {"step": controller.step, "law_ts": controller.law_ts, "nominal_ts": controller.nominal_ts}
+    for name, law in laws.items():
+        maker.give(name, maker.function(law))
+    return maker
