@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from typing import Any
 
+from ahgateway.core import flags as flag
 from ahgateway.core.real import REAL
 
 NEVER = 2
@@ -27,6 +28,9 @@ def side(after: Any, terms: Any, seen: Any, judged: Any, hides: bool) -> int:
     pv, i, mv, mout = words(after, terms)
     if judged[0] and not same(pv, seen[0]):
         return NEVER
+    if terms.flags & flag.BUMPLESS and judged[1] and not same(i, seen[1]):
+        # Where D has a part in it the sum is MV again but for rounding, which goes to and fro with D.
+        return -1 if i > seen[1] else (1 if i < seen[1] else NEVER)
     if judged[2] and not same(mv, seen[2]):
         return -1 if mv < seen[2] else (1 if mv > seen[2] else NEVER)
     if judged[1] and not hides and not same(i, seen[1]):

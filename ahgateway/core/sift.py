@@ -329,6 +329,9 @@ def fitted(
         return kept
     if (terms.flags ^ far_terms.flags) & flag.FROZEN:
         return -1
+    if terms.flags & flag.BUMPLESS and (same(seen[2], operands.mv_max) or same(seen[2], operands.mv_min)):
+        # Whether the integral goes on at once hangs on the last bits of the sum.
+        return -1
     there = side(far, far_terms, seen, judged, hides)
     if where == 0 and there == 0:
         return added(after, far, seen, hides, exact, next_low, next_high, kept)

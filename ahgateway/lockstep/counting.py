@@ -28,16 +28,15 @@ from ahgateway.lockstep.causes import blame_any
 from ahgateway.lockstep.interval import UNLIMITED
 from ahgateway.lockstep.judge import SEVERAL, TRIVIAL_FLAGS, Execution, judge
 from ahgateway.lockstep.picture import Picture, predicted
+from ahgateway.lockstep.reads import changed_inputs, input_variants
 from ahgateway.lockstep.shadow import (
     Bound,
     Explanation,
     Fit,
     Shadow,
     apart,
-    changed_inputs,
     distance,
     explain,
-    input_variants,
     judged_names,
     merged,
     patched,

@@ -28,19 +28,9 @@ from ahgateway.lockstep.events import Change, Finding, Lost
 from ahgateway.lockstep.inquiry import REPEATED_MIN, Inquiry
 from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.picture import Picture
-from ahgateway.lockstep.shadow import (
-    Bound,
-    Shadow,
-    changed_inputs,
-    explain,
-    forgotten,
-    input_variants,
-    judged_names,
-    merged,
-    recalled,
-    restarted,
-    without_pv,
-)
+from ahgateway.lockstep.reads import changed_inputs, input_variants
+from ahgateway.lockstep.restarts import forgotten, restarted
+from ahgateway.lockstep.shadow import Bound, Shadow, explain, judged_names, merged, recalled, without_pv
 from ahgateway.lockstep.suspects import Suspect
 from ahgateway.lockstep.unseen import lingered, refreshed
 

@@ -26,7 +26,8 @@ from ahgateway.lockstep.anchor import anchored, first_anchor
 from ahgateway.lockstep.candidates import SAME_ON_DPID, Candidate, Carrier, Fixed, dialect_of, joined, values_of
 from ahgateway.lockstep.crossings import taken
 from ahgateway.lockstep.picture import predicted
-from ahgateway.lockstep.shadow import Shadow, explain, input_variants, judged_names
+from ahgateway.lockstep.reads import input_variants
+from ahgateway.lockstep.shadow import Shadow, explain, judged_names
 from ahgateway.lockstep.thinning import is_dependent, thinned
 from ahgateway.lockstep.trace import Observation, columns, observed
 

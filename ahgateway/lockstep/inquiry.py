@@ -25,18 +25,8 @@ from ahgateway.lockstep.causes import FORM_BITS, sized_again
 from ahgateway.lockstep.counting import is_known, led, reproduced
 from ahgateway.lockstep.judge import Execution
 from ahgateway.lockstep.picture import Picture
-from ahgateway.lockstep.shadow import (
-    Bound,
-    Fit,
-    Shadow,
-    apart,
-    explain,
-    input_variants,
-    judged_names,
-    merged,
-    patched,
-    recalled,
-)
+from ahgateway.lockstep.reads import input_variants
+from ahgateway.lockstep.shadow import Bound, Fit, Shadow, apart, explain, judged_names, merged, patched, recalled
 from ahgateway.lockstep.suspects import Estimate, Key, Suspect, agreeing, scaled, stretched
 from ahgateway.lockstep.unseen import lingered
 

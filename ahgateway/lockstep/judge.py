@@ -17,6 +17,7 @@ from ahgateway.core.real import REAL, same_bits
 from ahgateway.core.verdict import Proof, Verdict, Weight
 from ahgateway.lockstep.causes import blame_any
 from ahgateway.lockstep.picture import Picture, predicted
+from ahgateway.lockstep.reads import input_variants
 from ahgateway.lockstep.shadow import (
     MISSED_WORD,
     Bound,
@@ -25,7 +26,6 @@ from ahgateway.lockstep.shadow import (
     Shadow,
     apart,
     explain,
-    input_variants,
     is_missed_anyway,
     is_roughly_bounded,
     is_settled,

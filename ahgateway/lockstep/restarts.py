@@ -1,4 +1,4 @@
-"""What the first execution behind a standstill says of the history: whether EN off, or STOP, made it start anew.
+"""What a standstill can have done to the history, and what the first execution behind it says: did it start anew?
 
 The manual says that EN off leaves all data as it is (spec A.8/8) and nothing of STOP. Pictures show both where the
 profile names `en` and `running`. This file alone decides what such an execution excludes. What no word shows, D's
@@ -17,7 +17,8 @@ from ahgateway.core.dialect import EnOnHistory, FirstHistory, StopHistory
 from ahgateway.core.real import same_bits
 from ahgateway.lockstep.anchor import anchored, is_anchor
 from ahgateway.lockstep.picture import Picture
-from ahgateway.lockstep.shadow import Bound, Shadow, explain, input_variants, judged_names, merged, recalled
+from ahgateway.lockstep.reads import input_variants
+from ahgateway.lockstep.shadow import Bound, Shadow, explain, judged_names, merged, recalled
 from ahgateway.lockstep.trace import Observation, observed, variants
 
 SURVIVORS_MAX = 64
@@ -111,3 +112,29 @@ def _anew(shadow: Shadow) -> Shadow:
 def _explains(loop: Loop, shadow: Shadow, before: Picture, after: Picture) -> bool:
     """Tell whether what was hidden explains the first execution behind the standstill."""
     return bool(explain(loop, shadow, input_variants(loop, before, after), after.seen, judged_names(loop)).fits)
+
+
+def restarted(shadow: Shadow) -> Shadow:
+    """Add the possibility that the instruction has lost its history, as after a restart or a long gap."""
+    return merged([*shadow, *forgotten(shadow)])
+
+
+def forgotten(shadow: Shadow) -> Shadow:
+    """The same without history."""
+    return tuple(
+        Bound(bound.low._replace(valid=False), bound.high._replace(valid=False))
+        for bound in shadow
+        if hasattr(bound.low, "valid")
+    )
+
+
+def began_anew(loop: Loop, before: Picture, after: Picture) -> bool:
+    """Tell whether one execution between two pictures comes out by bits where the instruction had lost its history.
+
+    So it is behind a restart that kept its registers; where nothing hidden can be recalled, nothing is told.
+    """
+    variants = input_variants(loop, before, after)
+    fresh = merged(forgotten(recalled(loop, variants, before.seen)))
+    if not fresh:
+        return False
+    return bool(explain(loop, fresh, variants, after.seen, judged_names(loop)).fits)

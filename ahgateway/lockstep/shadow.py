@@ -14,21 +14,21 @@ reproduces the words, if there is one.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache
-from itertools import combinations
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from ahgateway.codec.station import Const, Loop
 from ahgateway.core import flags as flag
+from ahgateway.core.controllers.delta_terms import transfer_kind
 from ahgateway.core.controllers.dpide import D_BOUND
-from ahgateway.core.dialect import Clamped, CrossBand, CrossScan, FilterContent, Freeze, Limits, ManualFilter
+from ahgateway.core.dialect import CrossBand, CrossScan, FilterContent, Freeze, ManualFilter
 from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits
 from ahgateway.lockstep import loose
-from ahgateway.lockstep.interval import first_for, intervals, is_ruled_out
-from ahgateway.lockstep.picture import Picture, predicted
+from ahgateway.lockstep.interval import UNLIMITED, first_for, intervals, is_ruled_out
+from ahgateway.lockstep.picture import predicted
 
 BOUNDS_MAX = 48
 """More possibilities than this are no knowledge: the shadow starts again from the block."""
@@ -44,9 +44,6 @@ UNBOUNDED = 1e20
 
 MISSED_WORD = 1 << 40
 """Missing one word more weighs heavier than missing others by whatever."""
-
-CHANGED_MAX = 4
-"""Up to this many operands changed in one interval, every order of their writes and the execution is tried."""
 
 
 class Bound(NamedTuple):
@@ -224,60 +221,6 @@ def stepped(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> tuple[Bound, Any
     return Bound(low, high), low_terms, high_terms
 
 
-def input_variants(loop: Loop, before: Picture, after: Picture) -> list[Any]:
-    """Every set of inputs that an execution between two pictures can have read, likeliest first.
-
-    Each changed operand was written before or after the execution. The PV that was used is what the instruction
-    recorded, or what the register held at either end where it records none.
-    """
-    if after.is_exact:
-        changed = [name for name in changed_inputs(loop, before, after) if name in written_back(loop, after)]
-        before = after if not changed else replace(before, inputs=_unchanged(before, after, changed))
-    else:
-        changed = changed_inputs(loop, before, after)
-    if len(changed) <= CHANGED_MAX:
-        subsets = [subset for size in range(len(changed), -1, -1) for subset in combinations(changed, size)]
-        subsets.sort(key=lambda subset: min(len(subset), len(changed) - len(subset)))
-    else:
-        subsets = [tuple(changed), ()]
-    recorded = [after.seen[word.name] for word in loop.controller.seen if word.attr == "pv1"]
-    pvs = {bits(pv): pv for pv in (*recorded, after.inputs.pv, before.inputs.pv)}
-    variants: list[Any] = []
-    for subset in subsets:
-        mixed = before.inputs._replace(**{name: getattr(after.inputs, name) for name in subset})
-        variants.extend(mixed._replace(pv=pv) for pv in pvs.values())
-    return variants
-
-
-def changed_inputs(loop: Loop, before: Picture, after: Picture) -> list[str]:
-    """Names of the inputs, PV apart, whose bits differ between two pictures."""
-    if before.words == after.words:
-        return []
-    return [
-        operand.attr
-        for operand in loop.controller.operands
-        if operand.name in before.words
-        and before.words[operand.name] != after.words[operand.name]
-        and operand.attr in loop.controller.input_names
-        and operand.attr != "pv"
-    ]
-
-
-def written_back(loop: Loop, picture: Picture) -> frozenset[str]:
-    """Names of inputs that an execution itself can have overwritten with something else than it read."""
-    names = {"mout"} if getattr(picture.inputs, "mout_auto", False) else set()
-    if getattr(loop.dialect, "limits", None) == Limits.WRITTEN_BACK:
-        names |= {"mv_max", "mv_min"}
-    if getattr(loop.dialect, "clamped", None) == Clamped.WRITTEN_BACK:
-        names |= set(loop.controller.input_names) - {"pv"}
-    return frozenset(names)
-
-
-def _unchanged(before: Picture, after: Picture, changed: list[str]) -> Any:
-    """Inputs that are those of `after` but for what is named, which is as it was before."""
-    return after.inputs._replace(**{name: getattr(before.inputs, name) for name in changed})
-
-
 def _bits_of(value: Any) -> int:
     return bits(value) if isinstance(value, np.floating) else int(value)
 
@@ -307,14 +250,24 @@ def explain(
                     high_key = _key(names, high)
                 by_interval.setdefault(bits(ts), set()).update((low_key, high_key))
                 fit = Fit(inputs, bound, after, low_terms, open_terms(low_terms, high_terms), ts)
+                flags = low_terms.flags | high_terms.flags
+                is_kinked = is_open_d and _is_kinked(loop, inputs, bound, flags, seen)
                 if low_key != high_key and is_open_d and is_ruled_out(loop, inputs, bound, ts, seen):
                     pass
-                elif is_open_d and loose.is_loose(loop):
+                elif is_kinked and loose.values(*bound) is None:
+                    by_interval[bits(ts)].add(())
+                    if _is_reachable(loop, fit, low, high, seen, names):
+                        fitting.append(fit._replace(after=patched(loop, fit, seen)[0]))
+                elif is_open_d and loop.dialect.limited_output and (low_terms.flags ^ high_terms.flags) & flag.FROZEN:
+                    for part in _frozen_apart(loop, inputs, bound, ts):
+                        fitting.extend(_narrowed(loop, inputs, part, seen, names, ts))
+                elif is_kinked or (is_open_d and loose.is_loose(loop)):
                     between, found = _loosely(loop, fit, low, high, seen, names)
                     by_interval[bits(ts)].update(between)
                     fitting.extend(found)
                 elif low_key != high_key:
-                    is_free = not (low_terms.flags | high_terms.flags) & flag.FROZEN
+                    is_set = flags & flag.BUMPLESS and not same_bits(low["I_MV"], high["I_MV"])
+                    is_free = not flags & flag.FROZEN and not is_set
                     if not (is_free and _is_excluded(names, low, high, seen)):
                         fitting.extend(_narrowed(loop, inputs, bound, seen, names, ts))
                 elif low_key == shown:
@@ -390,6 +343,60 @@ def without_pv(loop: Loop, shadow: Shadow, variants: Iterable[Any], seen: Mappin
     names = tuple(name for name in judged_names(loop) if name != "I_MV")
     found = explain(loop, shadow, hiding, seen, names)
     return merged(bound for fit in found.fits for bound in patched(loop, fit, seen))
+
+
+def _frozen_apart(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> Iterator[Bound]:
+    """Cut a bound of D where a limit begins to freeze the integral, and the output computed again jumps back."""
+
+    def frozen(position: int) -> int:
+        with quiet(all="ignore"):
+            state = bound.low._replace(d=from_order(position))
+            flags: int = loop.controller.step(inputs, state, loop.dialect, ts)[1].flags
+        return flags & flag.FROZEN
+
+    start, last = sorted((order(bound.low.d), order(bound.high.d)))
+    while start <= last:
+        same = frozen(start)
+        end = first_for(start, last, lambda position, same=same: frozen(position) != same) - 1  # type: ignore[misc]
+        yield Bound(bound.low._replace(d=from_order(start)), bound.low._replace(d=from_order(end)))
+        start = end + 1
+
+
+def _is_kinked(loop: Loop, inputs: Any, bound: Bound, flags: int, seen: Mapping[str, REAL]) -> bool:
+    """Tell whether words need not follow D one way: where a limit sets the integral, or freezes it at the limit alone.
+
+    So does a transfer at a limit: whether its integral goes on at once hangs on the last bits of the sum.
+    """
+    dialect = loop.dialect
+    is_at_limit = bool(flags & flag.FROZEN) or any(
+        same_bits(seen["MV"], edge) for edge in (inputs.mv_min, inputs.mv_max)
+    )
+    if flags & flag.MANUAL:
+        return False
+    if flags & flag.BUMPLESS and is_set_by_d(loop, inputs):
+        return is_at_limit or bool(dialect.preset_limit)
+    # A sum without D can freeze at the very limit alone, which an output that is computed again does not show.
+    is_at_edge = bool(dialect.freeze_test and dialect.limit_edge)
+    may_be_held = flags & flag.BUMPLESS or same_bits(seen["I_MV"], bound.low.i)
+    if is_at_edge and dialect.limited_output and may_be_held:
+        return True
+    return is_at_limit and (is_at_edge or dialect.freeze == Freeze.BACK_CALCULATED)
+
+
+def _is_reachable(
+    loop: Loop, fit: Fit, low: Mapping[str, REAL], high: Mapping[str, REAL], seen: Mapping[str, REAL], names: Names
+) -> bool:
+    """Tell whether some content may leave the words, as far as they do not follow from it: PV, and an integral."""
+    own = [word.name for word in loop.controller.seen if word.attr == "pv1" and word.name in names]
+    if any(not same_bits(low[name], seen[name]) for name in own):
+        return False
+    is_set = fit.terms.flags & flag.BUMPLESS or loop.dialect.freeze == Freeze.BACK_CALCULATED
+    if is_set or fit.ts is None or "I_MV" not in names:
+        return True
+    wide = fit.inputs._replace(mv_max=UNLIMITED, mv_min=-UNLIMITED)
+    with quiet(all="ignore"):
+        free, _ = loop.controller.step(wide, fit.before.low._replace(d=REAL(0)), loop.dialect, fit.ts)
+    return any(same_bits(seen["I_MV"], i) for i in (low["I_MV"], high["I_MV"], free.i, fit.before.low.i))
 
 
 def _is_excluded(
@@ -498,6 +505,10 @@ def _side(loop: Loop, inputs: Any, state: Any, seen: Mapping[str, REAL], names: 
     """Tell whether this state's prediction lies below (-1), on (0) or above (1) what was seen."""
     with quiet(all="ignore"):
         after, terms = loop.controller.step(inputs, state, loop.dialect, ts)
+    is_set = terms.flags & flag.BUMPLESS and "I_MV" in names and is_set_by_d(loop, inputs)
+    if is_set and not same_bits(after.i, seen["I_MV"]):
+        # The sum is MV again but for rounding, which goes to and fro with D; the integral falls with it.
+        return -1 if after.i > seen["I_MV"] else 1
     if not same_bits(after.mv, seen["MV"]):
         return -1 if after.mv < seen["MV"] else 1
     words = predicted(loop.controller, after, terms)
@@ -515,30 +526,9 @@ def _side(loop: Loop, inputs: Any, state: Any, seen: Mapping[str, REAL], names: 
     return -1 if seen["MV"] >= max(inputs.mv_max, inputs.mv_min) else 1
 
 
-def restarted(shadow: Shadow) -> Shadow:
-    """Add the possibility that the instruction has lost its history, as after a restart or a long gap."""
-    return merged([*shadow, *forgotten(shadow)])
-
-
-def forgotten(shadow: Shadow) -> Shadow:
-    """The same without history."""
-    return tuple(
-        Bound(bound.low._replace(valid=False), bound.high._replace(valid=False))
-        for bound in shadow
-        if hasattr(bound.low, "valid")
-    )
-
-
-def began_anew(loop: Loop, before: Picture, after: Picture) -> bool:
-    """Tell whether one execution between two pictures comes out by bits where the instruction had lost its history.
-
-    So it is behind a restart that kept its registers; where nothing hidden can be recalled, nothing is told.
-    """
-    variants = input_variants(loop, before, after)
-    fresh = merged(forgotten(recalled(loop, variants, before.seen)))
-    if not fresh:
-        return False
-    return bool(explain(loop, fresh, variants, after.seen, judged_names(loop)).fits)
+def is_set_by_d(loop: Loop, inputs: Any) -> bool:
+    """Tell whether D has a part in the integral with which automatic begins after manual."""
+    return transfer_kind(inputs.pid_mode, loop.dialect) == 1 and not loop.dialect.preset_d
 
 
 def is_unbounded(bound: Bound) -> bool:

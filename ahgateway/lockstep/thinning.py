@@ -21,7 +21,8 @@ from ahgateway.core.controllers import delta_terms as terms_of
 from ahgateway.core.dialect import AXES, Dialect, Filter, IntegralStore, TsSource, TsUnit
 from ahgateway.core.real import REAL, quiet, same_bits
 from ahgateway.lockstep.picture import Picture
-from ahgateway.lockstep.shadow import changed_inputs, judged_names
+from ahgateway.lockstep.reads import changed_inputs
+from ahgateway.lockstep.shadow import judged_names
 
 Pair = tuple[Picture, Picture]
 Reals = npt.NDArray[np.float32]

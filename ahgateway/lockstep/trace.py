@@ -17,7 +17,8 @@ from ahgateway.codec.station import Loop
 from ahgateway.core.real import REAL, same_bits
 from ahgateway.lockstep.anchor import is_anchor
 from ahgateway.lockstep.picture import Picture
-from ahgateway.lockstep.shadow import input_variants, judged_names, state_key
+from ahgateway.lockstep.reads import input_variants
+from ahgateway.lockstep.shadow import judged_names, state_key
 
 WORDS = ("pv1", "i", "mv", "mout")
 """What a sieve takes of each execution, in this order."""

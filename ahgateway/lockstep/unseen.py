@@ -19,12 +19,12 @@ from ahgateway.core.real import REAL, from_order, order, quiet, same_bits
 from ahgateway.lockstep import loose
 from ahgateway.lockstep.interval import first_for, intervals
 from ahgateway.lockstep.picture import Picture
+from ahgateway.lockstep.reads import input_variants
 from ahgateway.lockstep.shadow import (
     Bound,
     Fit,
     Shadow,
     explain,
-    input_variants,
     judged_names,
     merged,
     open_attr,
@@ -112,15 +112,17 @@ def _is_one_real(bound: Bound) -> bool:
 
 
 def _alike(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> list[Bound]:
-    """Cut a bound into parts that are limited alike at both ends, and so all through, and of which a transfer makes one
-    integral; [] where rounding hides where to cut, or where there are too many."""
+    """Cut a bound into parts that are limited alike at both ends, and so all through, and that leave one integral.
+
+    [] where rounding hides where to cut, or where there are too many.
+    """
     attr = open_attr(bound)
 
     def kind(position: int) -> tuple[Any, ...]:
         state = bound.low if attr is None else bound.low._replace(**{attr: from_order(position)})
         with quiet(all="ignore"):
             after, terms = loop.controller.step(inputs, state, loop.dialect, ts)
-        same = (terms.flags, order(after.i)) if terms.flags & flag.BUMPLESS else (terms.flags,)
+        same = (terms.flags, order(after.i))
         if loop.dialect.freeze != Freeze.PREVIOUS_MV:
             return same
         sides = (side for edge in (inputs.mv_min, inputs.mv_max) for side in (after.mv > edge, after.mv < edge))
@@ -129,12 +131,17 @@ def _alike(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> list[Bound]:
     if attr is None:
         return [bound]
     start, last = sorted((order(getattr(bound.low, attr)), order(getattr(bound.high, attr))))
-    if kind(start) == kind(last):
+    end_kind = kind(last)
+    is_loose = attr == "d" and loose.is_loose(loop)
+    if loop.dialect.freeze_test and loop.dialect.limit_edge and _passes_limit(loop, inputs, bound, ts):
+        # A sum without D freezes at the very limit, and on neither side of it.
+        return []
+    is_set = end_kind[0] & (flag.BUMPLESS | flag.MANUAL | flag.FROZEN)
+    if kind(start) == end_kind and not (is_loose and is_set):
         return [bound]
-    if attr == "d" and loose.is_loose(loop):
+    if is_loose:
         return []
     found: list[Bound] = []
-    end_kind = kind(last)
     while start <= last:
         if len(found) == PARTS_MAX:
             return []
@@ -144,6 +151,13 @@ def _alike(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> list[Bound]:
         found.append(Bound(low, high))
         start = end + 1
     return found
+
+
+def _passes_limit(loop: Loop, inputs: Any, bound: Bound, ts: REAL) -> bool:
+    """Tell whether the sum comes to a limit between both ends."""
+    with quiet(all="ignore"):
+        sums = [float(loop.controller.step(inputs, end, loop.dialect, ts)[1].raw) for end in bound]
+    return any(not max(sums) < edge and not min(sums) > edge for edge in (inputs.mv_min, inputs.mv_max))
 
 
 def _differs(kind: Callable[[int], tuple[Any, ...]], same: tuple[Any, ...], position: int) -> bool:

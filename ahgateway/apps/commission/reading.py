@@ -21,7 +21,7 @@ from ahgateway.core.verdict import Exit, outcome, reason
 from ahgateway.lockstep.follow import cycle_ns, output_of, process_value_of, target_of
 from ahgateway.lockstep.gate.change import shown
 from ahgateway.lockstep.picture import Picture
-from ahgateway.lockstep.shadow import began_anew
+from ahgateway.lockstep.restarts import began_anew
 from ahgateway.recording.station_text import dialect_json
 
 NOISE_MAX = 0.01
