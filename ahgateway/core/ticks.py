@@ -10,7 +10,7 @@ from typing import Any
 
 from ahgateway.core import flags as flag
 from ahgateway.core.compiling import FIRST_ASKED
-from ahgateway.core.dialect import Filter, FilterContent
+from ahgateway.core.dialect import Filter, FilterContent, ManualIntegral
 from ahgateway.core.real import REAL
 from ahgateway.core.sides import ONE, ZERO, is_open, remembers_ts, same, side
 
@@ -37,6 +37,9 @@ def cut(
     far, far_terms = step(operands, state, dialect, law_ts(operands, dialect, last))
     flags = near_terms.flags
     if flags != far_terms.flags or flags & (flag.BUMPLESS | flag.BAD_INPUT) or dialect[FIRST_ASKED] >= 0:
+        return first, last
+    if flags & flag.MANUAL and dialect.manual_integral == ManualIntegral.TRACKS:
+        # It follows from D, as where a transfer sets it.
         return first, last
     by_i = not same(near.i, far.i)
     if is_open(state, highest):

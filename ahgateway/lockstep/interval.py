@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 from ahgateway.codec.station import Loop
 from ahgateway.core import flags as flag
 from ahgateway.core.controllers.delta_terms import is_rough, ticks_per_second
-from ahgateway.core.dialect import Freeze
+from ahgateway.core.dialect import Freeze, ManualIntegral
 from ahgateway.core.real import REAL, bits, quiet, same_bits
 
 UNLIMITED = REAL(3e38)
@@ -77,7 +77,11 @@ def _integral(loop: Loop, inputs: Any, state: Any, ticks: int) -> tuple[REAL, in
 def _is_monotone(loop: Loop, inputs: Any, ends: Sequence[Any], ticks: Sequence[int]) -> bool:
     """Tell whether the integral runs one way with Ts: not where some Ts freeze it, or it is computed back from MV."""
     flags, *others = {_integral(loop, inputs, state, each)[1] for state in ends for each in ticks}
-    is_computed_back = flags & flag.BUMPLESS or (flags & flag.FROZEN and loop.dialect.freeze == Freeze.BACK_CALCULATED)
+    is_computed_back = (
+        flags & flag.BUMPLESS
+        or (flags & flag.FROZEN and loop.dialect.freeze == Freeze.BACK_CALCULATED)
+        or (flags & flag.MANUAL and loop.dialect.manual_integral == ManualIntegral.TRACKS)
+    )
     return not others and not is_computed_back
 
 
