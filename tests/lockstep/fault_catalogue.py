@@ -14,7 +14,7 @@ from typing import Any
 from dialects import random_dialect
 from lockstep.bench_world import World
 from lockstep.dialect_traces import suited
-from lockstep.inseparable import is_possible, leaves_the_same
+from lockstep.inseparable import is_possible, leaves_the_same, may_have_crossed
 from lockstep.ways_world import ground
 
 from ahgateway.codec.ways import Way
@@ -103,7 +103,8 @@ class Trial:
         suspects: What the loop is suspected of in the end.
         is_right: The likeliest cause is true of the fault, within its class.
         is_tied: It is not, but a true one stands beside it, and both leave every bit of the PLC's own log.
-        is_excused: Nothing was convicted, and enumeration finds that the right law can have left every picture.
+        is_excused: Nothing was convicted, and enumeration finds that the right law can have left every picture, or
+            every execution.
     """
 
     changed: int
@@ -190,8 +191,14 @@ async def go_wrong(world: World, name: str) -> Trial:
         suspects,
         is_right,
         not is_right and bool(rivals) and all(leaves_the_same(world.loop, each, log) for each in rivals),
-        bool(seen) and not convicted and world.loop.way is Way.POLLED and is_possible(world, world.looks),
+        bool(seen) and not convicted and _is_excused(world, log),
     )
+
+
+def _is_excused(world: World, log: list[Execution]) -> bool:
+    if may_have_crossed(world.loop, log):
+        return True
+    return world.loop.way is Way.POLLED and is_possible(world, world.looks)
 
 
 async def go_on(world: World) -> Trial:

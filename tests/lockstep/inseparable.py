@@ -14,6 +14,7 @@ from lockstep.bench_world import World
 from lockstep.oracle import Oracle
 
 from ahgateway.codec.station import Loop
+from ahgateway.core.dialect import CrossBand, CrossScan
 from ahgateway.core.real import REAL, bits, from_order, order, quiet
 from ahgateway.fake.program import Execution
 from ahgateway.lockstep.picture import Picture, predicted
@@ -69,6 +70,27 @@ def is_possible(world: World, looks: Sequence[Picture]) -> bool:
         span_ns = after.last_ns - before.sent_ns
         apart_ns = round(float(world.loop.controller.nominal_ts(after.inputs)) * 1e9)
         if not oracle.follows(before, after, 1 + span_ns // apart_ns):
+            return False
+    return True
+
+
+def may_have_crossed(loop: Loop, log: Sequence[Execution]) -> bool:
+    """Tell whether the right law leaves every execution of a log, with the cross status one way or the other.
+
+    Where the dialect looks scan by scan whether PV passes SV, nothing that a PLC shows of executions says which it was.
+    """
+    law, dialect = loop.controller, loop.dialect
+    is_hidden = dialect.cross_scan == CrossScan.EACH_SCAN and dialect.cross_band == CrossBand.ZERO_CROSS
+    if not is_hidden or not hasattr(law.state(), "cross"):
+        return False
+    for entry in log:
+        theirs = predicted(law, entry.state, entry.terms)
+        with quiet(all="ignore"):
+            steps = [
+                law.step(entry.inputs, entry.before._replace(cross=cross), dialect, entry.ts) for cross in (False, True)
+            ]
+        ours = [predicted(law, *step) for step in steps]
+        if not any(all(bits(each[name]) == bits(theirs[name]) for name in theirs) for each in ours):
             return False
     return True
 
