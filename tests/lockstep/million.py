@@ -89,7 +89,11 @@ def _columns(controller: Controller, length: int, chance: random.Random) -> dict
             start = end
         found[name] = column
     noise = np.random.default_rng(chance.randrange(1 << 30)).normal(0.0, 3.0, length)
-    found["pv"] = (found["sv"] + noise).astype(np.float32)
+    pv = (found["sv"] + noise).astype(np.float32)
+    # What stands still by chance would make an execution that changes no word, which a walk cannot see.
+    again = np.flatnonzero(pv[1:] == pv[:-1]) + 1
+    pv[again] = np.nextafter(pv[again], np.float32(np.inf))
+    found["pv"] = pv
     return found
 
 
