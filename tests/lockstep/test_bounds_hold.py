@@ -21,7 +21,7 @@ from ahgateway.lockstep.shadow import Bound, explain, hides_pv, is_missed_anyway
 from ahgateway.lockstep.unseen import advanced
 
 LAW = CONTROLLERS["DPIDE"]
-DRAWS = 500
+DRAWS = 350
 
 
 def drawn(chance: np.random.Generator) -> tuple[Operands, State]:
