@@ -22,7 +22,7 @@ from lockstep.soak import GAINS, soak
 
 from ahgateway.core.verdict import Counts
 
-POLLED, RECORDED, WALKED = 25_000, 500_000, 4_500_000
+POLLED, RECORDED, WALKED = 25_000, 500_000, 4_800_000
 PART = 10_000
 WALK = 100_000
 
