@@ -81,8 +81,11 @@ async def test_a_verdict_is_claimed_where_enumeration_finds_one_possibility_alon
 
 @pytest.mark.parametrize("fault", ["", "ki-1-percent", "dead-band-ignored"])
 @pytest.mark.parametrize("law", ["DPID", "DPIDE"])
-@pytest.mark.parametrize("way", [Way.RECORDED, Way.STEPPED])
-@pytest.mark.parametrize("dialect", [DEFAULT, TRACKED, FORGOTTEN], ids=["default", "tracked", "forgotten"])
+@pytest.mark.parametrize(
+    ("dialect", "way"),
+    [(DEFAULT, Way.RECORDED), (DEFAULT, Way.STEPPED), (TRACKED, Way.RECORDED), (FORGOTTEN, Way.STEPPED)],
+    ids=["recorded", "stepped", "tracked", "forgotten"],
+)
 async def test_what_the_plc_shows_of_each_execution_is_claimed_as_enumeration_finds_it(
     dialect: Dialect, way: Way, law: str, fault: str
 ) -> None:
