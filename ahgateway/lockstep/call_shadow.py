@@ -12,7 +12,6 @@ of a bound are stepped; what predicts other values than were seen is dropped, wh
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -21,13 +20,11 @@ from ahgateway.codec.station import Loop
 from ahgateway.core.controllers.controller import replaced
 from ahgateway.core.real import bits, from_order, order, quiet
 from ahgateway.lockstep.picture import Picture, predicted
+from ahgateway.lockstep.reads import orders
 from ahgateway.lockstep.shadow import Bound, Explanation, Fit, Shadow, judged_names
 
 BOUNDS_MAX = 96
 """More possibilities than this are no knowledge: the shadow starts again."""
-
-CHANGED_MAX = 4
-"""Up to this many operands changed in one interval, every order of their writes and the call is tried."""
 
 
 def key_of(value: Any) -> int:
@@ -130,14 +127,9 @@ def reads(loop: Loop, before: Picture, after: Picture) -> list[Any]:
     holds behind the call, or what the block publishes of it.
     """
     names = changed(loop, before, after)
-    if len(names) <= CHANGED_MAX:
-        subsets = [subset for size in range(len(names), -1, -1) for subset in combinations(names, size)]
-        subsets.sort(key=lambda subset: min(len(subset), len(names) - len(subset)))
-    else:
-        subsets = [tuple(names), ()]
     pvs = {name: getattr(after.inputs, name) for name in pv_attrs(loop)}
     variants: list[Any] = []
-    for subset in subsets:
+    for subset in orders(names):
         mixed = before.inputs._replace(**pvs, **{name: getattr(after.inputs, name) for name in subset})
         if loop.holds_pv:
             variants.append(mixed)

@@ -21,7 +21,7 @@ from ahgateway.core.dialect_axes import BY_NAME
 from ahgateway.core.operands import Kind
 from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits, ulp_distance
 from ahgateway.lockstep.estimate import Size, sized
-from ahgateway.lockstep.interval import UNLIMITED
+from ahgateway.lockstep.interval import unlimited
 from ahgateway.lockstep.picture import Picture, predicted
 from ahgateway.lockstep.shadow import Fit, Shadow, explain, is_settled, judged_names, same_words
 from ahgateway.lockstep.suspects import (
@@ -429,7 +429,7 @@ def _measured(case: _Case) -> list[Suspect]:
     is_plain = read.pid_run and not read.pid_man and not state.man1 and low < float(case.seen["MV"]) < high
     if case.fit.lead or case.loop.dialect.ts_source or not is_plain or "I_MV" not in case.names:
         return []
-    wide = read._replace(mv_max=UNLIMITED, mv_min=-UNLIMITED)
+    wide = unlimited(read)
     held = float(case.controller.nominal_ts(read))
     once, twice = (float(case.on_grid(wide, TsSource.MS, round(1000 * held * each))) for each in (1, 2))
     if once == twice or once == float(case.seen["I_MV"]):

@@ -25,7 +25,7 @@ from ahgateway.core.real import REAL, quiet, same_bits
 from ahgateway.core.verdict import Verdict
 from ahgateway.lockstep.anchor import anchored
 from ahgateway.lockstep.causes import blame_any
-from ahgateway.lockstep.interval import UNLIMITED
+from ahgateway.lockstep.interval import unlimited
 from ahgateway.lockstep.judge import SEVERAL, TRIVIAL_FLAGS, Execution, judge
 from ahgateway.lockstep.picture import Picture, predicted
 from ahgateway.lockstep.reads import changed_inputs, input_variants
@@ -243,7 +243,7 @@ def _just_before(loop: Loop, before: Picture, after: Picture) -> Picture | None:
     is_moved = not is_known(loop, before, after) or loop.dialect.integrator == Integrator.DVP
     if is_moved or ticks_per_second(loop.dialect) or not states:
         return None
-    wide = after.inputs._replace(mv_max=UNLIMITED, mv_min=-UNLIMITED)
+    wide = unlimited(after.inputs)
     step = _path(loop, wide, states[0].low._replace(d=REAL(0)), (after.inputs.pv,))[0]
     return replace(before, seen={**before.seen, "I_MV": REAL(float(after.seen["I_MV"]) - step)})
 
@@ -298,7 +298,7 @@ def is_out_of_reach(loop: Loop, shadow: Shadow, before: Picture, after: Picture,
     is_automatic = read.pid_run and not read.pid_man and not any(bound.low.man1 for bound in shadow)
     if bounds is None or not is_plain or not is_automatic or changed_inputs(loop, before, after):
         return False
-    wide = read._replace(mv_max=UNLIMITED, mv_min=-UNLIMITED)
+    wide = unlimited(read)
     steps = [0.0]
     for first in bounds:
         for bound in shadow:

@@ -101,6 +101,11 @@ def _thinned(loop: Loop, inputs: Any, state: Any, i_seen: REAL, first: int, last
     return (start, end, end - start <= INTERVALS_MAX) if start <= end else (first, last, True)
 
 
+def unlimited(inputs: Any) -> Any:
+    """The same inputs with limits that no sum reaches, so that none of them freezes the integral."""
+    return inputs._replace(mv_max=UNLIMITED, mv_min=-UNLIMITED)
+
+
 def is_ruled_out(loop: Loop, inputs: Any, ends: Sequence[Any], ts: REAL, seen: Mapping[str, REAL]) -> bool:
     """Tell whether I_MV rules an interval out, whatever D's filter holds between two states.
 
@@ -111,7 +116,7 @@ def is_ruled_out(loop: Loop, inputs: Any, ends: Sequence[Any], ts: REAL, seen: M
     is_held_inside = dialect.freeze == Freeze.PREVIOUS_MV or dialect.limited_output or dialect.freeze_test
     if is_held_inside or not {"MV", "I_MV"} <= seen.keys() or not inputs.mv_min < seen["MV"] < inputs.mv_max:
         return False
-    wide = inputs._replace(mv_max=UNLIMITED, mv_min=-UNLIMITED)
+    wide = unlimited(inputs)
     with quiet(all="ignore"):
         after, terms = loop.controller.step(wide, ends[0], dialect, ts)
         is_set_freely = terms.flags == flag.BUMPLESS and not dialect.preset_limit and not dialect.preset_mv

@@ -29,18 +29,21 @@ def input_variants(loop: Loop, before: Picture, after: Picture) -> list[Any]:
         before = after if not changed else replace(before, inputs=_unchanged(before, after, changed))
     else:
         changed = changed_inputs(loop, before, after)
-    if len(changed) <= CHANGED_MAX:
-        subsets = [subset for size in range(len(changed), -1, -1) for subset in combinations(changed, size)]
-        subsets.sort(key=lambda subset: min(len(subset), len(changed) - len(subset)))
-    else:
-        subsets = [tuple(changed), ()]
     recorded = [after.seen[word.name] for word in loop.controller.seen if word.attr == "pv1"]
     pvs = {bits(pv): pv for pv in (*recorded, after.inputs.pv, before.inputs.pv)}
     variants: list[Any] = []
-    for subset in subsets:
+    for subset in orders(changed):
         mixed = before.inputs._replace(**{name: getattr(after.inputs, name) for name in subset})
         variants.extend(mixed._replace(pv=pv) for pv in pvs.values())
     return variants
+
+
+def orders(changed: list[str]) -> list[tuple[str, ...]]:
+    """Which of the changed operands can have been written before they were read: all or none first, then parts."""
+    if len(changed) > CHANGED_MAX:
+        return [tuple(changed), ()]
+    found = [subset for size in range(len(changed), -1, -1) for subset in combinations(changed, size)]
+    return sorted(found, key=lambda subset: min(len(subset), len(changed) - len(subset)))
 
 
 def changed_inputs(loop: Loop, before: Picture, after: Picture) -> list[str]:

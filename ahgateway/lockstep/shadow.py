@@ -27,7 +27,7 @@ from ahgateway.core.controllers.dpide import D_BOUND
 from ahgateway.core.dialect import CrossBand, CrossScan, FilterContent, Freeze, ManualFilter
 from ahgateway.core.real import REAL, bits, from_order, order, quiet, same_bits
 from ahgateway.lockstep import loose
-from ahgateway.lockstep.interval import UNLIMITED, first_for, intervals, is_ruled_out
+from ahgateway.lockstep.interval import first_for, intervals, is_ruled_out, unlimited
 from ahgateway.lockstep.picture import predicted
 
 BOUNDS_MAX = 48
@@ -393,7 +393,7 @@ def _is_reachable(
     is_set = fit.terms.flags & flag.BUMPLESS or loop.dialect.freeze == Freeze.BACK_CALCULATED
     if is_set or fit.ts is None or "I_MV" not in names:
         return True
-    wide = fit.inputs._replace(mv_max=UNLIMITED, mv_min=-UNLIMITED)
+    wide = unlimited(fit.inputs)
     with quiet(all="ignore"):
         free, _ = loop.controller.step(wide, fit.before.low._replace(d=REAL(0)), loop.dialect, fit.ts)
     return any(same_bits(seen["I_MV"], i) for i in (low["I_MV"], high["I_MV"], free.i, fit.before.low.i))
